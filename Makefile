@@ -1,0 +1,61 @@
+# One verb each; `make help` lists them. Everything runs in one .venv at the root, made from the lock files.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
+
+.DEFAULT_GOAL := help
+.PHONY: help setup setup-dev lint format test bench openapi demo up lock clean
+
+help: ## list the verbs
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-10s %s\n", $$1, $$2}'
+
+setup: $(VENV)/.runtime ## make .venv with what the service, the worker and the command line need
+
+setup-dev: $(VENV)/.dev ## the same with what lint and tests need
+
+$(VENV)/bin/python:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+	  { echo "Spherify needs Python 3.11 or newer; name one: make PYTHON=python3.12 …" >&2; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+
+$(VENV)/.runtime: requirements/runtime.lock pyproject.toml | $(VENV)/bin/python
+	@echo "Installing the locked packages into $(VENV) (a minute or two the first time) …"
+	@$(PIP) install --require-hashes -r requirements/runtime.lock
+	@$(PIP) install --no-deps --no-build-isolation --editable .
+	@touch $@
+
+$(VENV)/.dev: requirements/dev.lock $(VENV)/.runtime
+	@echo "Installing the locked development packages into $(VENV) …"
+	@$(PIP) install --require-hashes -r requirements/dev.lock
+	@touch $@
+
+lint: setup-dev ## ruff, mypy strict
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+format: setup-dev ## rewrite in the house format
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+test: setup-dev ## set up, then every test
+	$(BIN)/python -m pytest $(ARGS)
+
+openapi: setup ## write openapi/openapi.json from the code
+	$(BIN)/python -m service.openapi openapi/openapi.json
+
+demo: setup ## start the whole stack, morph a sample through it, save snapshots and a picture
+	$(BIN)/spherify demo $(ARGS)
+
+up: setup ## keep the service running on this machine until Ctrl-C
+	$(BIN)/spherify up $(ARGS)
+
+lock: ## make the lock files anew from pyproject.toml (needs uv)
+	uv pip compile --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-header --quiet \
+	  --group build pyproject.toml -o requirements/runtime.lock
+	uv pip compile --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-header --quiet \
+	  --group build --group dev pyproject.toml -c requirements/runtime.lock -o requirements/dev.lock
+
+clean: ## remove .venv and everything made from the sources
+	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

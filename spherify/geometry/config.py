@@ -1,0 +1,113 @@
+"""What a run is told: the frozen parameters of a flow, checked when they are built.
+
+Symbols and meanings follow Vartziotis, "Curvature transformation", arXiv:1608.03898, sections 1 and 2; what is
+ours (window, step bound, relaxation, momentum, rescale, annealing) says so.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from spherify.geometry.errors import InvalidConfigError
+
+Measure = Literal["vtk", "length", "dual-area"]
+StepUnit = Literal["absolute", "initial-mean-edge", "mean-edge"]
+Rescale = Literal["none", "area", "volume"]
+Boundary = Literal["fixed", "free"]
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """``repeat`` iterations of T with ``k_in`` inward and then ``k_out`` outward elementary steps each."""
+
+    repeat: int
+    k_in: int
+    k_out: int
+
+    def __post_init__(self) -> None:
+        if self.repeat < 1:
+            raise InvalidConfigError(f"a stage must repeat at least once, not {self.repeat} times")
+        if self.k_in < 0 or self.k_out < 0 or self.k_in + self.k_out == 0:
+            raise InvalidConfigError(
+                f"k_in and k_out must be 0 or more and not both 0, not ({self.k_in}, {self.k_out})"
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class Annealing:
+    """Shrink step and relaxation when nothing gets better. Ours.
+
+    Attributes:
+        patience: iterations without a rise of the best sphericity by 1e-4 before a reduction.
+        factor: what step and relaxation are multiplied by, in (0, 1).
+        min_step: the run ends as ``stalled`` once the step, in units of ``step_unit``, is below this.
+    """
+
+    patience: int
+    factor: float
+    min_step: float
+
+    def __post_init__(self) -> None:
+        if self.patience < 1:
+            raise InvalidConfigError(f"annealing.patience must be at least 1, not {self.patience}")
+        if not 0 < self.factor < 1:
+            raise InvalidConfigError(f"annealing.factor must lie between 0 and 1, not {self.factor}")
+        if not self.min_step > 0:
+            raise InvalidConfigError(f"annealing.min_step must be positive, not {self.min_step}")
+
+
+@dataclass(frozen=True, slots=True)
+class FlowConfig:
+    """Every parameter of one run of the curvature transformation.
+
+    Attributes:
+        iterations: applications of T at most.
+        measure: how an edge is valued in the vertex curvature K.
+        schedule: stages, cycled until ``iterations`` are done (paper, Algorithm 2).
+        step: C, in units of ``step_unit``.
+        step_unit: a length that multiplies ``step``: 1, the mean edge at the start, or the mean edge now.
+        window: percentiles of K taken as K_min and K_max; (0, 100) is the paper's. Ours.
+        step_bound: 0 is off; else no vertex moves further in an elementary step than this times the least
+            altitude of the triangles at it. Ours.
+        relaxation: fraction of the tangential umbrella vector added after each elementary step; 0 is off. Ours.
+        relaxation_exponent: neighbours weigh (area of the triangles at them) to this power. Ours.
+        momentum: b of p ← p + b·(p - p_before) before each iteration, grown by 0.02 an iteration up to this
+            and set to 0 when the sphericity fell; 0 is off. Ours.
+        rescale: what is restored about the centroid after each iteration. Ours.
+        annealing: see `Annealing`; None is off.
+        stop_radius_variation: the run ends as ``converged`` below this radius variation; 0 is off.
+        boundary: whether vertices on an open boundary move. Closed meshes have none.
+    """
+
+    iterations: int
+    measure: Measure = "vtk"
+    schedule: tuple[Stage, ...] = (Stage(1, 2, 2),)
+    step: float = 0.05
+    step_unit: StepUnit = "mean-edge"
+    window: tuple[float, float] = (0.0, 100.0)
+    step_bound: float = 0.0
+    relaxation: float = 0.0
+    relaxation_exponent: float = 0.0
+    momentum: float = 0.0
+    rescale: Rescale = "none"
+    annealing: Annealing | None = None
+    stop_radius_variation: float = 0.0
+    boundary: Boundary = "fixed"
+
+    def __post_init__(self) -> None:
+        low, high = self.window
+        checks = (
+            (self.iterations >= 0, f"iterations must be 0 or more, not {self.iterations}"),
+            (len(self.schedule) > 0, "schedule must have at least one stage"),
+            (0 < self.step < float("inf"), f"step must be positive, not {self.step}"),
+            (0 <= low < high <= 100, f"window must satisfy 0 ≤ lo < hi ≤ 100, not [{low}, {high}]"),
+            (self.step_bound >= 0, f"step_bound must be 0 or more, not {self.step_bound}"),
+            (0 <= self.relaxation <= 1, f"relaxation must lie in 0 … 1, not {self.relaxation}"),
+            (self.relaxation_exponent >= 0, f"relaxation_exponent must be ≥ 0, not {self.relaxation_exponent}"),
+            (0 <= self.momentum < 1, f"momentum must lie in 0 … <1, not {self.momentum}"),
+            (self.stop_radius_variation >= 0, f"stop_radius_variation must be ≥ 0, not {self.stop_radius_variation}"),
+        )
+        for holds, sentence in checks:
+            if not holds:
+                raise InvalidConfigError(sentence)

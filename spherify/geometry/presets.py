@@ -1,0 +1,73 @@
+"""The named configurations a user chooses from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+from spherify.geometry.config import Annealing, FlowConfig, Stage
+
+ALGORITHM_2: Final = (Stage(100, 2, 2), Stage(100, 2, 1))  # Vartziotis, Algorithm 2
+DEFAULT_PRESET: Final = "robust"
+
+
+@dataclass(frozen=True, slots=True)
+class Preset:
+    """A configuration with a name, and a sentence on what to expect of it."""
+
+    name: str
+    title: str
+    description: str
+    config: FlowConfig
+
+
+_PAPER: Final = FlowConfig(
+    iterations=10_000,
+    measure="vtk",
+    schedule=ALGORITHM_2,
+    step=0.25 / 100,  # C = 0.25 on the mesh scaled to a mean edge of 100
+    step_unit="initial-mean-edge",
+)
+
+PRESETS: Final = {
+    preset.name: preset
+    for preset in (
+        Preset(
+            "robust",
+            "Robust",
+            "Round spheres from real meshes: the same transformation with a percentile window, a step bound, "
+            "tangential relaxation, momentum and annealing. Ends by itself.",
+            FlowConfig(
+                iterations=5_000,
+                measure="vtk",
+                schedule=(Stage(1, 2, 2),),
+                step=0.05,
+                step_unit="mean-edge",
+                window=(30.0, 70.0),
+                step_bound=0.2,
+                relaxation=0.5,
+                relaxation_exponent=1.0,
+                momentum=0.9,
+                rescale="area",
+                annealing=Annealing(patience=100, factor=0.5, min_step=1e-4),
+                stop_radius_variation=1e-3,
+            ),
+        ),
+        Preset(
+            "paper",
+            "Paper",
+            "Algorithm 2 of the paper with its step read as 0.25 % of the mean edge, so that it works at any scale. "
+            "Reaches spheres from blobs, bars and boxes; animals with limbs turn inside out, which is noticed: "
+            "the run ends as collapsed with its best state.",
+            _PAPER,
+        ),
+        Preset(
+            "paper-absolute",
+            "Paper, to the letter",
+            "Algorithm 2 of the paper with C = 0.25 in the file's own unit: what happens depends on the mesh's scale.",
+            FlowConfig(
+                iterations=10_000, measure="vtk", schedule=ALGORITHM_2, step=0.25, step_unit="absolute"
+            ),
+        ),
+    )
+}

@@ -1,0 +1,68 @@
+"""Errors of the jobs and their stores.
+
+JobsError
+├── StoreUnavailableError   the server does not answer
+├── StorageFullError        no space for a blob
+├── BlobExistsError
+├── NotFoundError
+│   ├── JobNotFoundError
+│   ├── JobGoneError        it existed and was deleted
+│   ├── MeshNotFoundError
+│   └── BlobNotFoundError
+├── ConflictError
+│   ├── JobNotFinishedError
+│   └── MeshInUseError
+└── InvalidCursorError
+"""
+
+
+class JobsError(Exception):
+    """Something about a job, a mesh or their storage."""
+
+
+class StoreUnavailableError(JobsError):
+    """The job store does not answer."""
+
+
+class StorageFullError(JobsError):
+    """There is no space left to store this."""
+
+
+class BlobExistsError(JobsError):
+    """This key is written already, and blobs are written once."""
+
+
+class NotFoundError(JobsError):
+    """There is nothing of this name."""
+
+
+class JobNotFoundError(NotFoundError):
+    """There is no job of this name."""
+
+
+class JobGoneError(NotFoundError):
+    """This job was deleted."""
+
+
+class MeshNotFoundError(NotFoundError):
+    """There is no mesh of this name."""
+
+
+class BlobNotFoundError(NotFoundError):
+    """There is no blob under this key."""
+
+
+class ConflictError(JobsError):
+    """The state it is in forbids this."""
+
+
+class JobNotFinishedError(ConflictError):
+    """The job is not finished: cancel it first."""
+
+
+class MeshInUseError(ConflictError):
+    """A job names this mesh: delete the job first."""
+
+
+class InvalidCursorError(JobsError):
+    """This cursor was not given out by this listing."""

@@ -1,0 +1,223 @@
+"""What the jobs need from the world, as protocols; `spherify.stores` implements them.
+
+The contract suite in tests/stores runs against every implementation. Calls that cannot reach their server
+raise `StoreUnavailableError`; nothing waits longer than the adapter's timeouts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import BinaryIO, Generic, Protocol, TypeVar
+
+from spherify.jobs.model import Job, JobSpec, JobStatus, MeshRecord, Outcome, Progress, Snapshot
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class BlobStat:
+    """Name and size of a stored blob, and when it was created (seconds since the epoch)."""
+
+    key: str
+    size: int
+    created_at: float
+
+
+class BlobStore(Protocol):
+    """Files with create-only writes: a key is written once, whole and durable, or not at all."""
+
+    def create(self, key: str, chunks: bytes | Iterable[bytes]) -> BlobStat:
+        """Store under a new key; raises `BlobExistsError`, `StorageFullError`. Durable on return."""
+        ...
+
+    def adopt(self, key: str, path: Path) -> BlobStat:
+        """Move a finished file of `scratch` in under a new key; raises as `create` does."""
+        ...
+
+    def scratch(self) -> Path:
+        """Return the folder for unfinished files, on the same file system; swept when they are old."""
+        ...
+
+    def open(self, key: str) -> BinaryIO:
+        """Open for reading, seekable; raises `BlobNotFoundError`."""
+        ...
+
+    def read(self, key: str) -> bytes:
+        """Return the whole blob; raises `BlobNotFoundError`."""
+        ...
+
+    def stat(self, key: str) -> BlobStat | None:
+        """Return what is known of a key, None if nothing is stored there."""
+        ...
+
+    def list(self, prefix: str) -> Iterator[BlobStat]:
+        """Yield every blob below a folder-like prefix, sorted by key."""
+        ...
+
+    def delete(self, key: str) -> bool:
+        """Remove one blob; whether it was there."""
+        ...
+
+
+class ClaimOutcome(StrEnum):
+    """What a worker is told when it asks for a job."""
+
+    CLAIMED = "claimed"
+    LEASED = "leased"  # another worker holds it: drop this delivery
+    DONE = "done"  # terminal or unknown: drop this delivery
+    POISONED = "poisoned"  # lost too often: it has been failed just now
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """Answer to a claim; ``token`` fences every later write and is 0 unless CLAIMED."""
+
+    outcome: ClaimOutcome
+    token: int = 0
+
+
+class Renewal(StrEnum):
+    """Answer to a heartbeat."""
+
+    HELD = "held"
+    CANCEL = "cancel"  # held, and somebody asked to cancel
+    FENCED = "fenced"  # not ours any more: stop without a trace
+
+
+class CancelOutcome(StrEnum):
+    """Answer to a cancel request."""
+
+    CANCELLED = "cancelled"  # it was waiting, or is cancelled already
+    CANCELLING = "cancelling"  # a worker has been told
+    FINISHED = "finished"  # too late
+    UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True, slots=True)
+class Page(Generic[T]):
+    """A slice of a listing, newest first; ``next_cursor`` is None at the end."""
+
+    items: tuple[T, ...]
+    next_cursor: str | None
+
+
+class JobStore(Protocol):
+    """The live record of every job; every change of several keys is one script or transaction."""
+
+    def add(self, spec: JobSpec) -> Job:
+        """Record a new accepted job and queue it, in one transaction; adding it again changes nothing."""
+        ...
+
+    def get(self, job_id: str) -> Job:
+        """Return one job; raises `JobNotFoundError`, or `JobGoneError` after a delete."""
+        ...
+
+    def find(
+        self,
+        *,
+        status: JobStatus | None = None,
+        tag: str | None = None,
+        mesh_id: str | None = None,
+        created_after: float | None = None,
+        limit: int = 50,
+        cursor: str | None = None,
+    ) -> Page[Job]:
+        """Return a page of jobs, newest first; raises `InvalidCursorError`."""
+        ...
+
+    def metrics(self, job_id: str) -> list[dict[str, float | int]]:
+        """Return the recorded time series, ascending by ``iteration``."""
+        ...
+
+    def delete(self, job_id: str) -> None:
+        """Forget a terminal job, leaving a tombstone; raises `JobNotFinishedError`, `JobNotFoundError`."""
+        ...
+
+    def request_cancel(self, job_id: str) -> CancelOutcome:
+        """Cancel a waiting job at once, or flag a running one."""
+        ...
+
+    # What a worker calls; each is refused (False, FENCED) when the token is not the present one.
+
+    def claim(self, job_id: str, worker: str) -> Claim:
+        """Take the lease and the next fencing token."""
+        ...
+
+    def renew(self, job_id: str, token: int) -> Renewal:
+        """Extend the lease, and learn whether to go on."""
+        ...
+
+    def report(
+        self,
+        job_id: str,
+        token: int,
+        progress: Progress,
+        rows: Sequence[Mapping[str, float | int]] = (),
+    ) -> bool:
+        """Record progress and new rows of the time series (each with ``iteration``), idempotently."""
+        ...
+
+    def add_snapshot(self, job_id: str, token: int, snapshot: Snapshot) -> bool:
+        """Publish a snapshot whose file is durable."""
+        ...
+
+    def release(self, job_id: str, token: int) -> bool:
+        """Hand a job on without counting a loss: accepted again, next in the queue."""
+        ...
+
+    def commit(self, job_id: str, token: int, outcome: Outcome) -> bool:
+        """End a job, once; repeating the same commit is True and changes nothing."""
+        ...
+
+    # What the reconciler calls.
+
+    def lost(self) -> list[str]:
+        """Free every job whose lease ran out and return those to be sent again; poison ones are failed."""
+        ...
+
+    def waiting(self, older_than_s: float) -> list[str]:
+        """Return accepted jobs queued for longer than that, oldest first."""
+        ...
+
+    def counts(self) -> dict[JobStatus, int]:
+        """Return how many jobs are in each state."""
+        ...
+
+    def ping(self) -> None:
+        """Raise `StoreUnavailableError` unless the server answers."""
+        ...
+
+
+class MeshStore(Protocol):
+    """The records of accepted meshes, and which jobs hold them."""
+
+    def add(self, record: MeshRecord) -> bool:
+        """Record a mesh whose files are durable; False if it was known already (nothing changes)."""
+        ...
+
+    def get(self, mesh_id: str) -> MeshRecord:
+        """Return one record; raises `MeshNotFoundError`."""
+        ...
+
+    def find(self, *, limit: int = 50, cursor: str | None = None) -> Page[MeshRecord]:
+        """Return a page of meshes, newest first; raises `InvalidCursorError`."""
+        ...
+
+    def delete(self, mesh_id: str) -> None:
+        """Forget a mesh; raises `MeshInUseError` while any job names it, `MeshNotFoundError`."""
+        ...
+
+
+class JobQueue(Protocol):
+    """Carries job ids to workers. A hint only: what it loses the reconciler sends again."""
+
+    def send(self, job_id: str) -> None:
+        """Send one id; raises `StoreUnavailableError` within 2 s when the broker does not answer."""
+        ...
+
+    def pending(self) -> set[str]:
+        """Return the ids that are in the queue or delivered and not acknowledged."""
+        ...
