@@ -58,6 +58,7 @@ class Progress:
         iterations_per_s: rate over the last seconds; None before it is known.
         eta_s: seconds left at that rate if no stopping rule ends the run first; None before it is known.
         elapsed_s: seconds since computing started, over this attempt.
+
     """
 
     iteration: int
@@ -78,6 +79,7 @@ class Snapshot:
         size: of that blob, bytes.
         metrics: the named figures of `spherify.geometry.metrics.Metrics`.
         created_at: seconds since the epoch.
+
     """
 
     iteration: int
@@ -103,6 +105,7 @@ class JobSpec:
     Attributes:
         parameters: every parameter, resolved: the JSON form of `spherify.parameters.Parameters`.
         snapshots_requested: iterations at which a state is kept, ascending, 0 and the last one included.
+
     """
 
     id: str
@@ -131,6 +134,7 @@ class Job:
         stop_reason: how the mathematics ended, a value of `spherify.geometry.flow.StopReason`.
         lease_until: seconds since the epoch; None unless a worker holds the job.
         queue_position: 0 is next; None unless accepted.
+
     """
 
     spec: JobSpec
@@ -166,6 +170,7 @@ class Outcome:
     Attributes:
         status: successful, failed or cancelled.
         result_iteration: iteration of the snapshot that is the result; None if there is none.
+
     """
 
     status: JobStatus
@@ -190,6 +195,7 @@ class MeshRecord:
         allow: the switches that let it in, sorted.
         report: the JSON form of `spherify.formats.report.MeshReport`.
         created_at: seconds since the epoch.
+
     """
 
     id: str

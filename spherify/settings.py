@@ -1,0 +1,86 @@
+"""Every variable that configures the service and the worker, with its meaning.
+
+Names are upper case with the prefix ``SPHERIFY_``; ``REDIS_URL`` goes without it, as everybody expects.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import AliasChoices, Field, field_validator
+from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
+
+MIB = 1024 * 1024
+
+
+class Settings(BaseSettings):
+    """The configuration of one process, read from the environment."""
+
+    model_config = SettingsConfigDict(
+        env_prefix="SPHERIFY_", extra="ignore", frozen=True, populate_by_name=True
+    )
+
+    redis_url: str = Field(
+        default="redis://127.0.0.1:6379/0",
+        validation_alias=AliasChoices("REDIS_URL", "SPHERIFY_REDIS_URL"),
+        description="Server of the job records and of the queue: redis://, rediss:// or unix://. "
+        "`spherify up` starts one of its own when this is not set.",
+    )
+    data_dir: Path = Field(
+        default=Path("data"),
+        description="Folder for meshes, snapshots and results; all processes must see the same one.",
+    )
+    max_upload_bytes: int = Field(
+        default=256 * MIB, gt=0, description="Largest accepted request body; above it the answer is 413."
+    )
+    max_vertices: int = Field(default=2_000_000, gt=3, description="Largest accepted mesh, in vertices.")
+    max_faces: int = Field(default=4_000_000, gt=3, description="Largest accepted mesh, in triangles.")
+    max_iterations: int = Field(default=1_000_000, gt=0, description="Most iterations a job may ask for.")
+    min_free_bytes: int = Field(
+        default=64 * MIB,
+        ge=0,
+        description="Uploads are refused with 507 when the data folder has less free space than this and the file.",
+    )
+    upload_timeout_s: float = Field(
+        default=30.0, gt=0, description="An upload that sends nothing for this long is dropped with 408."
+    )
+    cors_origins: Annotated[list[str], NoDecode] = Field(
+        default=[], description="Web origins that may call the API from a browser, separated by commas."
+    )
+    lease_s: float = Field(
+        default=30.0, gt=0, description="A worker that does not renew for this long has lost its job."
+    )
+    heartbeat_s: float = Field(default=5.0, gt=0, description="How often a worker renews its lease.")
+    reconcile_s: float = Field(
+        default=5.0, gt=0, description="How often lost and unsent jobs are looked for."
+    )
+    orphan_s: float = Field(
+        default=15.0, gt=0, description="A waiting job that no queue holds is sent again after this long."
+    )
+    max_losses: int = Field(
+        default=3, ge=0, description="A job whose worker is lost more often than this fails."
+    )
+    cancel_grace_s: float = Field(
+        default=5.0, gt=0, description="A runner told to stop is killed after this long."
+    )
+    wall_limit_s: float = Field(
+        default=6 * 3600.0, gt=0, description="A job ends with `deadline` after this long."
+    )
+    runner_memory_bytes: int = Field(
+        default=4096 * MIB, gt=0, description="Address space of one runner; a job that needs more fails."
+    )
+    threads: int = Field(default=1, ge=1, description="Threads one runner computes with.")
+
+    @field_validator("cors_origins", mode="before")
+    @classmethod
+    def _split(cls, value: object) -> object:
+        return (
+            [part.strip() for part in value.split(",") if part.strip()] if isinstance(value, str) else value
+        )
+
+    @property
+    def url_without_password(self) -> str:
+        """`redis_url` fit for messages."""
+        scheme, _, rest = self.redis_url.partition("://")
+        return f"{scheme}://{rest.rpartition('@')[2]}"
