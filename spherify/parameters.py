@@ -80,7 +80,7 @@ class Parameters(_Strict):
         tuple[Annotated[float, Field(ge=0, le=100)], Annotated[float, Field(ge=0, le=100)]],
         Field(
             title="Percentile window",
-            description="Curvatures at these percentiles stand for the least and the greatest; [0, 100] is the paper's.",
+            description="Percentiles of K that stand for the least and the greatest; [0, 100] is the paper's.",
         ),
     ]
     step_bound: Annotated[
