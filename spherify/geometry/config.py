@@ -42,6 +42,7 @@ class Annealing:
         patience: iterations without a rise of the best sphericity by 1e-4 before a reduction.
         factor: what step and relaxation are multiplied by, in (0, 1).
         min_step: the run ends as ``stalled`` once the step, in units of ``step_unit``, is below this.
+
     """
 
     patience: int
@@ -78,6 +79,7 @@ class FlowConfig:
         annealing: see `Annealing`; None is off.
         stop_radius_variation: the run ends as ``converged`` below this radius variation; 0 is off.
         boundary: whether vertices on an open boundary move. Closed meshes have none.
+
     """
 
     iterations: int
@@ -104,9 +106,15 @@ class FlowConfig:
             (0 <= low < high <= 100, f"window must satisfy 0 ≤ lo < hi ≤ 100, not [{low}, {high}]"),
             (self.step_bound >= 0, f"step_bound must be 0 or more, not {self.step_bound}"),
             (0 <= self.relaxation <= 1, f"relaxation must lie in 0 … 1, not {self.relaxation}"),
-            (self.relaxation_exponent >= 0, f"relaxation_exponent must be ≥ 0, not {self.relaxation_exponent}"),
+            (
+                self.relaxation_exponent >= 0,
+                f"relaxation_exponent must be ≥ 0, not {self.relaxation_exponent}",
+            ),
             (0 <= self.momentum < 1, f"momentum must lie in 0 … <1, not {self.momentum}"),
-            (self.stop_radius_variation >= 0, f"stop_radius_variation must be ≥ 0, not {self.stop_radius_variation}"),
+            (
+                self.stop_radius_variation >= 0,
+                f"stop_radius_variation must be ≥ 0, not {self.stop_radius_variation}",
+            ),
         )
         for holds, sentence in checks:
             if not holds:

@@ -22,6 +22,7 @@ class TriangleMesh:
         faces: (m, 3) int64 indices into ``vertices``, counter-clockwise seen from outside.
 
     Both arrays are read-only. Build one with `TriangleMesh.checked`, unless the arrays are known to be good.
+
     """
 
     vertices: Floats
@@ -34,6 +35,7 @@ class TriangleMesh:
         Raises:
             InvalidMeshError: wrong shapes, a coordinate that is not finite, an index out of range, or a
                 triangle that names a vertex twice.
+
         """
         V = np.array(vertices, dtype=np.float64, order="C")
         F = np.array(faces, dtype=np.int64, order="C")
@@ -45,7 +47,7 @@ class TriangleMesh:
             row = int(np.flatnonzero(~np.isfinite(V).all(axis=1))[0])
             raise InvalidMeshError(f"vertex {row} has a coordinate that is not a finite number")
         if F.size and (F.min() < 0 or F.max() >= len(V)):
-            row = int(np.flatnonzero((F < 0).any(axis=1) | (F >= len(V)).any(axis=1))[0])
+            row = int(np.flatnonzero((F < 0).any(axis=1) | (len(V) <= F).any(axis=1))[0])
             raise InvalidMeshError(f"face {row} names a vertex outside 0 … {len(V) - 1}")
         twice = (F[:, 0] == F[:, 1]) | (F[:, 1] == F[:, 2]) | (F[:, 2] == F[:, 0])
         if twice.any():
@@ -57,7 +59,9 @@ class TriangleMesh:
     def with_vertices(self, vertices: Floats) -> TriangleMesh:
         """Return the same triangles over other positions, shape (n, 3)."""
         if vertices.shape != self.vertices.shape:
-            raise InvalidMeshError(f"vertices must have the shape {self.vertices.shape}, not {vertices.shape}")
+            raise InvalidMeshError(
+                f"vertices must have the shape {self.vertices.shape}, not {vertices.shape}"
+            )
         frozen = np.array(vertices, dtype=np.float64, order="C")
         frozen.setflags(write=False)
         return TriangleMesh(frozen, self.faces)

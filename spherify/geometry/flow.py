@@ -1,0 +1,309 @@
+"""The flow: a generator of states, from the mesh as it came to the reason it ended.
+
+    for state in flow(mesh, config):
+        …
+
+The caller decides what to keep and when to leave; nothing here knows of files, clocks or jobs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spherify.geometry.config import FlowConfig
+from spherify.geometry.errors import InvalidMeshError
+from spherify.geometry.frame import Frame
+from spherify.geometry.kernels import Engine, Kernel, get_engine
+from spherify.geometry.mesh import Floats, TriangleMesh
+from spherify.geometry.metrics import Metrics, metrics_of
+from spherify.geometry.progress import Progress, fingerprint_of
+from spherify.geometry.roundness import Shape
+from spherify.geometry.schedule import stage_at
+from spherify.geometry.topology import Topology
+
+MOMENTUM_GROWTH: Final = 0.02  # a momentum of 0.9 is reached after 45 iterations without a fall of sphericity
+PLATEAU_RISE: Final = 1e-4  # a smaller rise of the best sphericity counts as none
+
+
+class StopReason(StrEnum):
+    """Why a run ended."""
+
+    ITERATIONS = "iterations"  # all were done
+    CONVERGED = "converged"  # the radius variation fell below config.stop_radius_variation
+    STALLED = "stalled"  # annealed down to config.annealing.min_step
+    CONSTANT_CURVATURE = "constant-curvature"  # K_max = K_min leaves t undefined: the mesh does not move
+    COLLAPSED = "collapsed"  # the next state was not finite, or inside out; the best state is the result
+    CANCELLED = "cancelled"  # the caller left; never set here
+    DEADLINE = "deadline"  # the caller ran out of time; never set here
+
+
+@dataclass(frozen=True, slots=True)
+class Best:
+    """The valid state of the highest sphericity so far.
+
+    Attributes:
+        iteration: iterations done at it.
+        vertices: (n, 3) its positions, read-only.
+        sphericity: its Ψ.
+
+    """
+
+    iteration: int
+    vertices: Floats
+    sphericity: float
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class FlowState:
+    """One state of a run; it stays what it is when the run goes on.
+
+    Attributes:
+        stop_reason: set on the last state only.
+        stop_detail: a sentence about it, set together with it.
+
+    """
+
+    _run: _Run
+    _progress: Progress
+    stop_reason: StopReason | None = None
+    stop_detail: str | None = None
+
+    @property
+    def iteration(self) -> int:
+        """Iterations done. After a collapse that of the best state, which this then is."""
+        return self._progress.iteration
+
+    @property
+    def vertices(self) -> Floats:
+        """(n, 3) positions in the unit of the mesh, read-only, finite and not inside out."""
+        return self._run.positions(self._progress.iteration, self._progress.position)
+
+    @property
+    def sphericity(self) -> float:
+        """Ψ of these positions."""
+        return self._progress.shape.sphericity
+
+    @property
+    def step(self) -> float:
+        """C of the next iteration, a length in the unit of the mesh."""
+        return self._run.step(self._progress) * self._run.frame.scale
+
+    @property
+    def best(self) -> Best:
+        """The best valid state so far, this one included."""
+        at = self._progress
+        return Best(
+            at.best_iteration,
+            self._run.positions(at.best_iteration, at.best_position),
+            at.best_shape.sphericity,
+        )
+
+    def metrics(self) -> Metrics:
+        """Compute all figures of this state."""
+        return self._run.metrics(self._progress)
+
+    def checkpoint(self) -> dict[str, NDArray[Any]]:
+        """Return the whole state of the run as named arrays, for ``flow(…, resume=…)``.
+
+        ``vertices`` holds the positions in the unit of the mesh, for readers; resuming does not need it.
+        """
+        return {"vertices": self.vertices, **self._progress.arrays(self._run.fingerprint)}
+
+
+def flow(
+    mesh: TriangleMesh,
+    config: FlowConfig,
+    *,
+    engine: Engine | str = "reference",
+    resume: Mapping[str, NDArray[Any]] | None = None,
+) -> Iterator[FlowState]:
+    """Run the curvature transformation and yield each state, the mesh as it came (iteration 0) first.
+
+    The last state carries the reason the run ended. A run that cannot go on (``collapsed``,
+    ``constant-curvature``) ends with a state that was yielded before: its best one, or its last.
+
+    Args:
+        mesh: edge-manifold and consistently oriented, outward if closed; vertices all in a face.
+        config: parameters of the run.
+        engine: who computes, or its name.
+        resume: `FlowState.checkpoint` of a run of the same mesh, parameters (but for ``iterations``) and engine:
+            the states after it follow, bit for bit those of a run that was never interrupted. Of a run that has
+            ended, its last state follows once more.
+
+    Raises:
+        InvalidMeshError: at once, if the mesh is none of the above.
+        InvalidCheckpointError: at once, if the checkpoint belongs to another run or is damaged.
+
+    """
+    run = _Run(mesh, config, get_engine(engine) if isinstance(engine, str) else engine)
+    if resume is None:
+        return run.states(Progress.first(run.start, run.start_shape), fresh=True)
+    return run.states(Progress.restored(resume, run.fingerprint, len(mesh.vertices)), fresh=False)
+
+
+class _Run:
+    """What stays the same during a run, and the rules that lead from one state to the next."""
+
+    def __init__(self, mesh: TriangleMesh, config: FlowConfig, engine: Engine) -> None:
+        self._mesh = mesh
+        self._config = config
+        self._topology = _checked_topology(mesh)
+        self._kernel: Kernel = engine.prepare(self._topology, config)
+        self._rescale = config.rescale
+        if not self._topology.closed:
+            # Vertices that must stay cannot be rescaled; and an open surface has no volume to restore.
+            self._rescale = "none" if config.boundary == "fixed" or config.rescale == "none" else "area"
+        self.frame = Frame.around(mesh.vertices)
+        self.fingerprint = fingerprint_of(mesh, config, engine.name)
+        self.start = self.frame.inside(mesh.vertices)
+        self.start_shape = self._kernel.shape(self.start)
+        if not self._valid(self.start_shape):
+            raise InvalidMeshError(
+                f"the mesh encloses a volume of {self.start_shape.volume:.3g} (in its bounding box of about 1): "
+                "its faces must be counter-clockwise seen from outside and enclose some volume"
+            )
+
+    def states(self, progress: Progress, *, fresh: bool) -> Iterator[FlowState]:
+        """Yield states until a reason to stop is met; ``progress`` itself first if ``fresh``, or if it is the last."""
+        while True:
+            reason, detail = self._end(progress)
+            if reason is not None:
+                yield FlowState(self, progress, reason, detail)
+                return
+            if fresh:
+                yield FlowState(self, progress)
+            moved = self._advanced(progress)
+            if moved is None:
+                detail = "the curvature is the same at every vertex, so the transformation does not move any"
+                yield FlowState(self, progress, StopReason.CONSTANT_CURVATURE, detail)
+                return
+            progress, fresh = moved, True
+
+    def positions(self, iteration: int, U: Floats) -> Floats:
+        """Return positions of the frame in the unit of the mesh; exactly the mesh's own before the first iteration."""
+        return self._mesh.vertices if iteration == 0 else self.frame.outside(U)
+
+    def step(self, progress: Progress) -> float:
+        """Return C of the next iteration, in the frame."""
+        unit = {
+            "absolute": 1 / self.frame.scale,
+            "initial-mean-edge": self.start_shape.mean_edge,
+            "mean-edge": progress.shape.mean_edge,
+        }[self._config.step_unit]
+        return self._config.step * progress.annealing * unit
+
+    def metrics(self, progress: Progress) -> Metrics:
+        """Return the figures of a state, in the unit of the mesh."""
+        return metrics_of(
+            progress.position,
+            self._topology,
+            measure=self._config.measure,
+            step=self.step(progress),
+            scale=self.frame.scale,
+        )
+
+    def _end(self, progress: Progress) -> tuple[StopReason | None, str | None]:
+        """Decide whether a state is the last, and why."""
+        config, shape = self._config, progress.shape
+        if progress.broke_at is not None:
+            return StopReason.COLLAPSED, (
+                f"iteration {progress.broke_at} turned the mesh inside out or left the finite numbers; "
+                f"the result is the best state, that of iteration {progress.iteration}"
+            )
+        if shape.radius_variation < config.stop_radius_variation:
+            return StopReason.CONVERGED, (
+                f"the radius variation {shape.radius_variation:.2e} is below {config.stop_radius_variation:g}"
+            )
+        if config.annealing is not None and config.step * progress.annealing < config.annealing.min_step:
+            return StopReason.STALLED, (
+                f"the best sphericity {progress.best_shape.sphericity:.6f} did not rise by {PLATEAU_RISE:g} while the "
+                f"step was reduced to {config.annealing.min_step:g} {config.step_unit}"
+            )
+        if progress.iteration >= config.iterations:
+            return StopReason.ITERATIONS, f"all {config.iterations} iterations were done"
+        return None, None
+
+    def _advanced(self, progress: Progress) -> Progress | None:
+        """Return the state one iteration later; None if the curvature is constant."""
+        config, here = self._config, progress.position
+        ahead = here + progress.momentum * (here - progress.previous) if progress.momentum > 0 else here
+        # A mesh that breaks passes through overflow; it is caught below, by what comes out.
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            moved = self._kernel.transform(
+                ahead,
+                stage_at(config.schedule, progress.iteration),
+                self.step(progress),
+                config.relaxation * progress.annealing,
+            )
+            if moved is None:
+                return None
+            shape = self._kernel.shape(moved)
+            if not self._valid(shape):
+                return progress.broken()
+        factor = self._rescaling(shape)
+        if factor != 1:
+            moved = shape.centroid + factor * (moved - shape.centroid)
+            shape = shape.scaled(factor)
+        moved.setflags(write=False)
+        return self._followed(progress, moved, shape)
+
+    def _followed(self, progress: Progress, moved: Floats, shape: Shape) -> Progress:
+        """Return the state that follows, with momentum, annealing and the best state brought up to date."""
+        config, reached = self._config, shape.sphericity
+        momentum = min(progress.momentum + MOMENTUM_GROWTH, config.momentum)
+        if reached < progress.shape.sphericity:
+            momentum = 0.0
+        annealing, plateau, waited = progress.annealing, progress.plateau, progress.waited + 1
+        if reached > plateau + PLATEAU_RISE:
+            plateau, waited = reached, 0
+        elif config.annealing is not None and waited >= config.annealing.patience:
+            annealing, waited = annealing * config.annealing.factor, 0
+        best = (progress.best_iteration, progress.best_position, progress.best_shape)
+        if reached > progress.best_shape.sphericity:
+            best = (progress.iteration + 1, moved, shape)
+        return Progress(
+            iteration=progress.iteration + 1,
+            position=moved,
+            previous=progress.position,
+            shape=shape,
+            momentum=momentum,
+            annealing=annealing,
+            plateau=plateau,
+            waited=waited,
+            best_iteration=best[0],
+            best_position=best[1],
+            best_shape=best[2],
+        )
+
+    def _rescaling(self, shape: Shape) -> float:
+        """Return the factor that restores the area or volume of the start."""
+        if self._rescale == "area":
+            return float(np.sqrt(self.start_shape.area / shape.area))
+        if self._rescale == "volume":
+            return float(np.cbrt(self.start_shape.volume / shape.volume))
+        return 1.0
+
+    def _valid(self, shape: Shape) -> bool:
+        """Whether a state may be shown: finite, with some area and, if closed, a positive volume."""
+        return shape.finite and shape.area > 0 and (shape.volume > 0 or not self._topology.closed)
+
+
+def _checked_topology(mesh: TriangleMesh) -> Topology:
+    """Build the topology, and refuse meshes on which the transformation has no meaning."""
+    if not len(mesh.faces):
+        raise InvalidMeshError("the mesh has no faces")
+    topology = Topology.of(len(mesh.vertices), mesh.faces)
+    for found, what in (
+        (topology.nonmanifold_edges, "edges with more than two faces"),
+        (topology.misoriented_edges, "edges along which both faces run in the same direction"),
+        (topology.unreferenced_vertices, "vertices in no face"),
+    ):
+        if len(found):
+            raise InvalidMeshError(f"the mesh has {len(found)} {what}")
+    return topology

@@ -1,0 +1,47 @@
+"""What an engine must offer."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from spherify.geometry.config import FlowConfig, Stage
+from spherify.geometry.mesh import Floats
+from spherify.geometry.roundness import Shape
+from spherify.geometry.topology import Topology
+
+
+class Kernel(Protocol):
+    """The transformation, prepared for one connectivity and one configuration. Same input, same bits."""
+
+    def transform(self, V: Floats, stage: Stage, step: float, relaxation: float) -> Floats | None:
+        """Apply T_(k_in, k_out, C) once: k_in inward, then k_out outward elementary steps.
+
+        Args:
+            V: (n, 3) positions, left as they are.
+            stage: holds k_in and k_out.
+            step: C, a length in the unit of V.
+            relaxation: fraction of the tangential umbrella vector after each elementary step.
+
+        Returns:
+            (n, 3) new positions, not necessarily finite; None if the curvature became constant, for then t is
+            undefined and the mesh must not move.
+
+        """
+        ...
+
+    def shape(self, V: Floats) -> Shape:
+        """Measure the surface as a whole; numbers that are not finite are passed on."""
+        ...
+
+
+class Engine(Protocol):
+    """A way to compute T."""
+
+    @property
+    def name(self) -> str:
+        """The name it is chosen by."""
+        ...
+
+    def prepare(self, topology: Topology, config: FlowConfig) -> Kernel:
+        """Precompute whatever does not depend on positions."""
+        ...

@@ -1,0 +1,67 @@
+"""The reference engine: numpy, readable beside the paper, the same bits every time."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from spherify.geometry import measures, transformation
+from spherify.geometry.config import FlowConfig, Stage
+from spherify.geometry.curvature import curvature_from
+from spherify.geometry.mesh import Floats
+from spherify.geometry.roundness import Shape, shape_of
+from spherify.geometry.topology import Topology
+
+
+class ReferenceKernel:
+    """T on one connectivity, in plain numpy."""
+
+    def __init__(self, topology: Topology, config: FlowConfig) -> None:
+        self._topology = topology
+        self._config = config
+        self._held = topology.boundary_vertices if config.boundary == "fixed" else np.zeros(0, dtype=np.int64)
+
+    def transform(self, V: Floats, stage: Stage, step: float, relaxation: float) -> Floats | None:
+        """See `spherify.geometry.kernels.interface.Kernel.transform`."""
+        directions = [transformation.inward] * stage.k_in + [transformation.outward] * stage.k_out
+        moved = V
+        for along in directions:
+            next_positions = self._elementary_step(moved, along, step, relaxation)
+            if next_positions is None:
+                return None
+            moved = next_positions
+        return moved
+
+    def shape(self, V: Floats) -> Shape:
+        """See `spherify.geometry.kernels.interface.Kernel.shape`."""
+        return shape_of(V, self._topology)
+
+    def _elementary_step(
+        self, V: Floats, along: transformation.Direction, step: float, relaxation: float
+    ) -> Floats | None:
+        F, n, config = self._topology.faces, self._topology.n_vertices, self._config
+        vectors = measures.area_vectors(V, F)
+        areas, face_normals = measures.norm(vectors), measures.normalised(vectors)
+        normals = measures.vertex_normals(face_normals, F, n)
+        K = curvature_from(V, self._topology, config.measure, face_normals, areas)
+        t = transformation.normalised_curvature(K, config.window)
+        if t is None:
+            return None
+        distance = step * along(t)
+        if config.step_bound > 0:
+            distance = transformation.bounded(distance, config.step_bound, V, F, areas)
+        moved = V + distance[:, None] * normals
+        if relaxation > 0:
+            weights = transformation.neighbour_weights(F, areas, config.relaxation_exponent, n)
+            moved = transformation.relaxed(moved, normals, self._topology, weights, relaxation)
+        moved[self._held] = V[self._held]
+        return moved
+
+
+class ReferenceEngine:
+    """Plain numpy on one thread."""
+
+    name = "reference"
+
+    def prepare(self, topology: Topology, config: FlowConfig) -> ReferenceKernel:
+        """See `spherify.geometry.kernels.interface.Engine.prepare`."""
+        return ReferenceKernel(topology, config)

@@ -1,0 +1,122 @@
+"""Lengths, areas, normals, signed dihedral angles, volume, centroid: plain measures of a triangle mesh.
+
+Vartziotis, "Curvature transformation", arXiv:1608.03898, section 1. Unit normals of degenerate faces are zero
+vectors, and the dihedral angle at such a face is 0.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from spherify.geometry.mesh import Floats, Ints
+
+
+def cross(a: Floats, b: Floats) -> Floats:
+    """Row-wise vector product of two (k, 3) arrays; several times quicker than numpy's general one."""
+    product = np.empty_like(a)
+    product[:, 0] = a[:, 1] * b[:, 2] - a[:, 2] * b[:, 1]
+    product[:, 1] = a[:, 2] * b[:, 0] - a[:, 0] * b[:, 2]
+    product[:, 2] = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+    return product
+
+
+def dot(a: Floats, b: Floats) -> Floats:
+    """Row-wise scalar product of two (k, 3) arrays, (k,)."""
+    product: Floats = np.einsum("ij,ij->i", a, b)
+    return product
+
+
+def norm(a: Floats) -> Floats:
+    """Row-wise Euclidean norm of a (k, 3) array, (k,)."""
+    return np.sqrt(dot(a, a))
+
+
+def normalised(a: Floats) -> Floats:
+    """Rows of a (k, 3) array scaled to length 1; zero rows stay zero."""
+    length = norm(a)[:, None]
+    return np.divide(a, length, out=np.zeros_like(a), where=length > 0)
+
+
+def scatter(index: Ints, values: Floats, n: int) -> Floats:
+    """Sum (k,) or (k, 3) ``values`` into n bins named by ``index`` (k,), always in the same order."""
+    if values.ndim == 2:
+        return np.stack([scatter(index, column, n) for column in values.T], axis=1)
+    return np.bincount(index, values, n).astype(np.float64, copy=False)
+
+
+def area_vectors(V: Floats, F: Ints) -> Floats:
+    """(m, 3) vectors ½ (b - a) × (c - a): along the face normal, as long as the face's area."""
+    a = np.take(V, F[:, 0], axis=0)
+    return 0.5 * cross(np.take(V, F[:, 1], axis=0) - a, np.take(V, F[:, 2], axis=0) - a)
+
+
+def face_areas(V: Floats, F: Ints) -> Floats:
+    """(m,) areas, length²."""
+    return norm(area_vectors(V, F))
+
+
+def face_normals(V: Floats, F: Ints) -> Floats:
+    """(m, 3) unit normals n_f, pointing outward when the face is counter-clockwise from outside."""
+    return normalised(area_vectors(V, F))
+
+
+def vertex_normals(face_normals: Floats, F: Ints, n: int) -> Floats:
+    """(n, 3) vertex normals n_p: the *unweighted* sum of the unit normals of the faces at p, normalised.
+
+    Vartziotis, section 2.
+    """
+    return normalised(sum_at_vertices(face_normals, F, n))
+
+
+def sum_at_vertices(face_values: Floats, F: Ints, n: int) -> Floats:
+    """Sum (m,) or (m, 3) face values over the faces at each vertex: (n,) or (n, 3)."""
+    first, second, third = (scatter(F[:, k], face_values, n) for k in range(3))
+    return first + second + third
+
+
+def edge_lengths(V: Floats, edges: Ints) -> Floats:
+    """(e,) lengths l(e) of ``edges`` (e, 2)."""
+    return norm(np.take(V, edges[:, 1], axis=0) - np.take(V, edges[:, 0], axis=0))
+
+
+def dihedral_angles(V: Floats, edges: Ints, edge_faces: Ints, face_normals: Floats) -> Floats:
+    """(e,) signed dihedral angles θ(e) in (-π, π], 0 if flat, positive at a convex edge.
+
+    θ = atan2((n_f × n_g)·ê, n_f·n_g), with ê along the edge in the direction in which f runs through it.
+
+    Args:
+        V: (n, 3) positions.
+        edges: (e, 2) vertices, the first of the two faces running from the first to the second.
+        edge_faces: (e, 2) the two faces f, g of each edge.
+        face_normals: (m, 3) unit normals.
+
+    """
+    along = normalised(np.take(V, edges[:, 1], axis=0) - np.take(V, edges[:, 0], axis=0))
+    n_f = np.take(face_normals, edge_faces[:, 0], axis=0)
+    n_g = np.take(face_normals, edge_faces[:, 1], axis=0)
+    return np.arctan2(dot(cross(n_f, n_g), along), dot(n_f, n_g))
+
+
+def area_centroid(V: Floats, F: Ints, areas: Floats) -> Floats:
+    """(3,) area-weighted centroid of the surface; the mean vertex where there is no area."""
+    total = float(areas.sum())
+    if total == 0:
+        return np.asarray(V.mean(axis=0))
+    corners = np.take(V, F[:, 0], axis=0) + np.take(V, F[:, 1], axis=0) + np.take(V, F[:, 2], axis=0)
+    return np.asarray((areas[:, None] * corners).sum(axis=0) / (3 * total))
+
+
+def volume(V: Floats, F: Ints, origin: Floats) -> float:
+    """Signed volume Σ (a - o)·((b - o) × (c - o)) / 6, positive when the normals point outward.
+
+    For a closed mesh it does not depend on ``origin`` (3,); for an open one it is that of the cone over it.
+    """
+    a, b, c = (np.take(V, F[:, k], axis=0) - origin for k in range(3))
+    return float(dot(a, cross(b, c)).sum() / 6)
+
+
+def least_altitudes(V: Floats, F: Ints, areas: Floats) -> Floats:
+    """(m,) least altitude of each triangle: 2·area / longest edge; 0 for a point."""
+    a, b, c = (np.take(V, F[:, k], axis=0) for k in range(3))
+    longest = np.sqrt(np.maximum(np.maximum(dot(b - a, b - a), dot(c - b, c - b)), dot(a - c, a - c)))
+    return np.divide(2 * areas, longest, out=np.zeros_like(areas), where=longest > 0)

@@ -1,0 +1,166 @@
+"""Where a run is: everything its next iteration depends on, and the same as named arrays for a file."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spherify.geometry.config import FlowConfig
+from spherify.geometry.errors import InvalidCheckpointError
+from spherify.geometry.mesh import Floats, TriangleMesh
+from spherify.geometry.roundness import Shape
+
+VERSION: Final = 1
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Progress:
+    """The whole state of a run after ``iteration`` iterations. Positions and lengths are in the run's `Frame`.
+
+    Attributes:
+        iteration: iterations done.
+        position: (n, 3) vertices.
+        previous: (n, 3) vertices one iteration before, for the momentum.
+        shape: of ``position``.
+        momentum: b of the next iteration.
+        annealing: what step and relaxation are multiplied by.
+        plateau: the sphericity that has to be exceeded for the waiting to begin anew.
+        waited: iterations since it was.
+        best_iteration: iterations done at the best valid state.
+        best_position: (n, 3) its vertices.
+        best_shape: its shape.
+        broke_at: the iteration after which the mesh was no longer valid; None while it is.
+
+    """
+
+    iteration: int
+    position: Floats
+    previous: Floats
+    shape: Shape
+    momentum: float
+    annealing: float
+    plateau: float
+    waited: int
+    best_iteration: int
+    best_position: Floats
+    best_shape: Shape
+    broke_at: int | None = None
+
+    @classmethod
+    def first(cls, position: Floats, shape: Shape) -> Progress:
+        """Return the state before the first iteration."""
+        return cls(0, position, position, shape, 0.0, 1.0, shape.sphericity, 0, 0, position, shape)
+
+    def broken(self) -> Progress:
+        """Return the best state, noting that the iteration after this one broke the mesh."""
+        return replace(
+            self,
+            iteration=self.best_iteration,
+            position=self.best_position,
+            shape=self.best_shape,
+            broke_at=self.iteration + 1,
+        )
+
+    def arrays(self, fingerprint: NDArray[np.uint8]) -> dict[str, NDArray[Any]]:
+        """Return the state as named arrays, bit by bit; `restored` is the way back."""
+        counts = (
+            self.iteration,
+            self.waited,
+            self.best_iteration,
+            -1 if self.broke_at is None else self.broke_at,
+        )
+        return {
+            "fingerprint": fingerprint,
+            "position": self.position,
+            "previous": self.previous,
+            "best_position": self.best_position,
+            "counts": np.array(counts, dtype=np.int64),
+            "control": np.array([self.momentum, self.annealing, self.plateau]),
+            "shape": _shape_to_array(self.shape),
+            "best_shape": _shape_to_array(self.best_shape),
+        }
+
+    @classmethod
+    def restored(cls, arrays: Mapping[str, NDArray[Any]], fingerprint: NDArray[np.uint8], n: int) -> Progress:
+        """Read what `arrays` wrote; further entries are ignored.
+
+        Raises:
+            InvalidCheckpointError: an array is missing or has the wrong shape or type, or the fingerprint is another.
+
+        """
+        wanted: dict[str, tuple[tuple[int, ...], type]] = {
+            "fingerprint": (fingerprint.shape, np.uint8),
+            "position": ((n, 3), np.float64),
+            "previous": ((n, 3), np.float64),
+            "best_position": ((n, 3), np.float64),
+            "counts": ((4,), np.int64),
+            "control": ((3,), np.float64),
+            "shape": ((7,), np.float64),
+            "best_shape": ((7,), np.float64),
+        }
+        for name, (shape, kind) in wanted.items():
+            array = arrays.get(name)
+            if array is None:
+                raise InvalidCheckpointError(f"the checkpoint has no array {name!r}")
+            if name == "fingerprint" and not np.array_equal(array, fingerprint):
+                raise InvalidCheckpointError(
+                    "the checkpoint belongs to another mesh, other parameters or another engine"
+                )
+            if array.shape != shape or array.dtype != kind:
+                raise InvalidCheckpointError(
+                    f"array {name!r} of the checkpoint is {array.dtype} {array.shape}, not {kind.__name__} {shape}"
+                )
+        iteration, waited, best_iteration, broke_at = (int(count) for count in arrays["counts"])
+        momentum, annealing, plateau = (float(number) for number in arrays["control"])
+        return cls(
+            iteration=iteration,
+            position=arrays["position"],
+            previous=arrays["previous"],
+            shape=_shape_from_array(arrays["shape"]),
+            momentum=momentum,
+            annealing=annealing,
+            plateau=plateau,
+            waited=waited,
+            best_iteration=best_iteration,
+            best_position=arrays["best_position"],
+            best_shape=_shape_from_array(arrays["best_shape"]),
+            broke_at=None if broke_at < 0 else broke_at,
+        )
+
+
+def fingerprint_of(mesh: TriangleMesh, config: FlowConfig, engine: str) -> NDArray[np.uint8]:
+    """(32,) SHA-256 of all that decides how a run goes on: mesh, engine, parameters.
+
+    The number of iterations is left out: a run may be extended from its last state.
+    """
+    parameters = asdict(config)
+    del parameters["iterations"]
+    digest = hashlib.sha256(json.dumps([VERSION, engine, _as_floats(parameters)], sort_keys=True).encode())
+    for array in (mesh.vertices, mesh.faces):
+        digest.update(str(array.shape).encode())
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return np.frombuffer(digest.digest(), dtype=np.uint8)
+
+
+def _as_floats(value: object) -> object:
+    """Write 1 and 1.0 alike: they are the same parameter."""
+    if isinstance(value, dict):
+        return {name: _as_floats(entry) for name, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [_as_floats(entry) for entry in value]
+    return float(value) if isinstance(value, int) else value
+
+
+def _shape_to_array(shape: Shape) -> Floats:
+    return np.array([shape.area, shape.volume, *shape.centroid, shape.mean_edge, shape.radius_variation])
+
+
+def _shape_from_array(numbers: Floats) -> Shape:
+    area, volume, mean_edge, variation = (float(numbers[k]) for k in (0, 1, 5, 6))
+    return Shape(area, volume, numbers[2:5].copy(), mean_edge, variation)

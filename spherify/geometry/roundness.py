@@ -1,0 +1,88 @@
+"""How round a surface is: sphericity, radius variation, and the measures of the whole they come from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from spherify.geometry import measures
+from spherify.geometry.mesh import Floats
+from spherify.geometry.topology import Topology
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """A surface as a whole.
+
+    Attributes:
+        area: length².
+        volume: signed, length³, positive when the normals point outward; for an open mesh that of the cone over
+            it from its centroid.
+        centroid: (3,) area-weighted centroid of the surface.
+        mean_edge: mean length of all edges.
+        radius_variation: area-weighted standard deviation of |p - centroid| over its mean; 0 on a round sphere
+            whatever its triangles.
+
+    """
+
+    area: float
+    volume: float
+    centroid: Floats
+    mean_edge: float
+    radius_variation: float
+
+    @property
+    def sphericity(self) -> float:
+        """Ψ of this area and volume, see `sphericity`."""
+        return sphericity(self.area, self.volume)
+
+    def scaled(self, factor: float) -> Shape:
+        """Return the shape after scaling about the centroid."""
+        return Shape(
+            self.area * factor**2,
+            self.volume * factor**3,
+            self.centroid,
+            self.mean_edge * factor,
+            self.radius_variation,
+        )
+
+    @property
+    def finite(self) -> bool:
+        """Whether every number is finite."""
+        return bool(np.isfinite([self.area, self.volume, self.mean_edge, self.radius_variation]).all())
+
+
+def sphericity(area: float, volume: float) -> float:
+    """Ψ = π^(1/3) (6V)^(2/3) / A: 1 for a sphere, less for every other surface; blind to the sign of V."""
+    if area == 0:
+        return 0.0
+    return float(np.cbrt(np.pi) * np.cbrt(6 * volume) ** 2 / area)
+
+
+def radii(V: Floats, centre: Floats) -> Floats:
+    """(n,) distances |p - c| of the vertices from ``centre`` (3,)."""
+    return measures.norm(V - centre)
+
+
+def radius_variation(V: Floats, centre: Floats, weights: Floats) -> float:
+    """Weighted standard deviation of |p - c| over its weighted mean; ``weights`` (n,) sum to the area."""
+    total, distances = float(weights.sum()), radii(V, centre)
+    if total == 0:
+        return float("inf")
+    mean = float((weights * distances).sum()) / total
+    return float(np.sqrt((weights * (distances - mean) ** 2).sum() / total)) / mean
+
+
+def shape_of(V: Floats, topology: Topology) -> Shape:
+    """Measure positions (n, 3) over a connectivity."""
+    F = topology.faces
+    areas = measures.face_areas(V, F)
+    centroid = measures.area_centroid(V, F, areas)
+    return Shape(
+        area=float(areas.sum()),
+        volume=measures.volume(V, F, centroid),
+        centroid=centroid,
+        mean_edge=float(measures.edge_lengths(V, topology.edges).mean()),
+        radius_variation=radius_variation(V, centroid, measures.sum_at_vertices(areas, F, len(V)) / 3),
+    )
