@@ -1,0 +1,143 @@
+"""Reading a stranger's mesh without risk to the process that asks."""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Collection
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from spherify.formats.acceptance import ReadMesh
+from spherify.formats.errors import PROBLEM_CODES, MeshRefusedError
+from spherify.formats.limits import MIB, ReadLimits
+from spherify.formats.report import ALLOW, MeshReport, defect_from_dict
+from spherify.geometry.errors import InvalidMeshError
+from spherify.geometry.mesh import TriangleMesh
+
+_log = logging.getLogger(__name__)
+
+_ROOT: Final = Path(__file__).resolve().parents[2]
+_COMMAND: Final = (sys.executable, "-P", "-m", "spherify.formats.child")
+_PASSED_ON: Final = (
+    "PATH",
+    "LD_LIBRARY_PATH",
+    "DYLD_LIBRARY_PATH",
+    "LANG",
+    "LC_ALL",
+    "VIRTUAL_ENV",
+)  # no secrets
+_ONE_THREAD: Final = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}  # each thread takes address space
+_MOST_ANSWER: Final = 4 * MIB
+_MOST_COMPLAINT: Final = 4000  # characters of the child's last words that are logged
+_DAMAGED: Final = (
+    "The reader broke down on this file, so it is damaged or made to harm. Export the mesh again."
+)
+
+
+def read_mesh(
+    path: Path, name: str, *, allow: Collection[str] = (), limits: ReadLimits | None = None
+) -> ReadMesh:
+    """Read, mend and judge a mesh file in a child process with limits on memory and time.
+
+    Safe to call from any thread. Whatever the file does to the child, this process is unharmed.
+
+    Args:
+        path: the file.
+        name: what the user calls it; its extension must agree with the content, if it is one we know.
+        allow: switches of `ALLOW` that let a defect through.
+        limits: what the file may cost; `ReadLimits()` if None.
+
+    Returns:
+        The mesh: closed, oriented outward, of one component and genus 0, but for what was allowed; its vertices
+        in the file's order.
+
+    Raises:
+        MeshRefusedError: it is no such mesh; the message says what, where, and the cure.
+        ValueError: an unknown switch.
+        OSError: the file cannot be opened, or no child can be started.
+    """
+    if unknown := set(allow) - set(ALLOW):
+        raise ValueError(f"there is no switch {sorted(unknown)[0]!r}; choose from {', '.join(ALLOW)}")
+    limits = limits or ReadLimits()
+    path = Path(path).resolve(strict=True)
+    size = path.stat().st_size
+    seconds = limits.seconds_for(size)
+    with tempfile.TemporaryDirectory(prefix="spherify-read-") as folder:
+        request = {
+            "path": str(path),
+            "name": name,
+            "folder": folder,
+            "allow": sorted(allow),
+            "limits": asdict(limits),
+            "memory": limits.memory_for(size),
+            "seconds": seconds,
+        }
+        _run(request, Path(folder), seconds, _COMMAND)
+        return _result(Path(folder))
+
+
+def _run(request: dict[str, Any], folder: Path, seconds: float, command: tuple[str, ...]) -> None:
+    """Run the child to its end, its own or ours."""
+    environment = {key: os.environ[key] for key in _PASSED_ON if key in os.environ}
+    environment |= _ONE_THREAD | {"PYTHONPATH": str(_ROOT)}
+    complaints = folder / "stderr"
+    with (
+        complaints.open("wb") as stderr,
+        subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=stderr,
+            cwd=folder,
+            env=environment,
+        ) as child,
+    ):
+        try:
+            child.communicate(json.dumps(request).encode(), timeout=seconds)
+        except subprocess.TimeoutExpired:
+            raise MeshRefusedError(
+                "mesh-too-large",
+                f"Reading the mesh took longer than the {seconds:.0f} s a file of this size is given. Decimate it, "
+                "or export it as binary PLY.",
+            ) from None
+        finally:
+            child.kill()
+    if child.returncode:
+        _log.error(
+            "mesh reader ended with %s on %r: %s",
+            child.returncode,
+            request["name"],
+            complaints.read_text("utf-8", "replace")[-_MOST_COMPLAINT:],
+        )
+        raise MeshRefusedError("mesh-not-parsable", _DAMAGED)
+
+
+def _result(folder: Path) -> ReadMesh:
+    """Return what the child left behind, trusting none of it."""
+    try:
+        with (folder / "answer.json").open("rb") as file:
+            answer = json.loads(file.read(_MOST_ANSWER))
+        report = MeshReport.from_dict(answer["report"]) if answer["report"] is not None else None
+        code = answer["code"]
+        if code is None and report is not None:
+            vertices, faces = (
+                np.load(folder / f"{part}.npy", allow_pickle=False) for part in ("vertices", "faces")
+            )
+            return ReadMesh(TriangleMesh.checked(vertices, faces), report)
+        if code not in PROBLEM_CODES:
+            raise ValueError(f"{code!r} is no problem code")
+        refusal = MeshRefusedError(
+            code, str(answer["detail"]), tuple(map(defect_from_dict, answer["errors"])), report
+        )
+    except (OSError, ValueError, KeyError, TypeError, InvalidMeshError) as error:
+        _log.exception("the mesh reader left no usable answer")
+        raise MeshRefusedError("mesh-not-parsable", _DAMAGED) from error
+    raise refusal

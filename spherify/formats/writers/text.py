@@ -1,0 +1,45 @@
+"""The text formats: OBJ and OFF."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spherify.geometry.mesh import TriangleMesh
+
+_ROWS = 1 << 16  # of one go: enough to be quick, few enough to keep the detour through Python's objects small
+
+
+def rows(values: NDArray[np.generic], template: str) -> Iterator[bytes]:
+    """Yield the rows of an array through a %-template with one place a column."""
+    for start in range(0, len(values), _ROWS):
+        block = values[start : start + _ROWS]
+        yield (template * len(block) % tuple(block.reshape(-1).tolist())).encode("ascii")
+
+
+def number(precision: Literal["double", "float"]) -> str:
+    """Return the %-template of a number: the fewest digits that read back as the same float64, or 9 for float32."""
+    return "%r" if precision == "double" else "%.9g"
+
+
+def positions(mesh: TriangleMesh, precision: Literal["double", "float"]) -> NDArray[np.float64]:
+    """Return the positions, (n, 3), rounded to float32 if that is the precision."""
+    return mesh.vertices if precision == "double" else mesh.vertices.astype(np.float32).astype(np.float64)
+
+
+def obj(mesh: TriangleMesh, precision: Literal["double", "float"]) -> bytes:
+    """Return Wavefront OBJ: v and f lines only."""
+    one = number(precision)
+    vertices = rows(positions(mesh, precision), f"v {one} {one} {one}\n")
+    return b"".join([*vertices, *rows(mesh.faces + 1, "f %d %d %d\n")])
+
+
+def off(mesh: TriangleMesh, precision: Literal["double", "float"]) -> bytes:
+    """Return OFF; its third count, of edges, is 0 as readers ignore it."""
+    one = number(precision)
+    head = f"OFF\n{len(mesh.vertices)} {len(mesh.faces)} 0\n".encode("ascii")
+    vertices = rows(positions(mesh, precision), f"{one} {one} {one}\n")
+    return b"".join([head, *vertices, *rows(mesh.faces, "3 %d %d %d\n")])

@@ -1,0 +1,59 @@
+"""Meshes as files, the same bytes every time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final, Literal, get_args
+
+from spherify.formats.errors import InvalidExportError
+from spherify.formats.names import FORMATS_OUT
+from spherify.formats.writers.glb import glb
+from spherify.formats.writers.ply import ply_ascii, ply_binary
+from spherify.formats.writers.stl import stl_ascii, stl_binary
+from spherify.formats.writers.text import obj, off
+from spherify.geometry.mesh import TriangleMesh
+
+Precision = Literal["double", "float"]
+Writer = Callable[[TriangleMesh, Precision], bytes]
+
+_WRITERS: Final[dict[str, Writer]] = {
+    "obj": obj,
+    "ply": ply_binary,
+    "stl": stl_binary,
+    "off": off,
+    "glb": glb,
+}
+_ASCII: Final[dict[str, Writer]] = {"obj": obj, "ply": ply_ascii, "stl": stl_ascii, "off": off}
+
+
+def write_mesh(
+    mesh: TriangleMesh,
+    mesh_format: str,
+    *,
+    precision: Precision = "double",
+    ascii: bool = False,  # noqa: A002  # its name in the interface
+) -> bytes:
+    """Return a mesh as the bytes of a file; vertices and faces keep their order.
+
+    Args:
+        mesh: what to write.
+        mesh_format: one of `FORMATS_OUT`.
+        precision: of OBJ, OFF and PLY: "double" reads back as the same float64, "float" as the nearest float32. STL
+            and GLB hold float32 always.
+        ascii: text instead of binary, where there is a choice (PLY, STL); OBJ and OFF are text always.
+
+    Raises:
+        InvalidExportError: an unknown format or precision, or ASCII of GLB.
+    """
+    if mesh_format not in _WRITERS:
+        raise InvalidExportError(
+            f"there is no format {mesh_format!r} to write; choose one of {', '.join(FORMATS_OUT)}"
+        )
+    if precision not in get_args(Precision):
+        raise InvalidExportError(
+            f"precision must be one of {', '.join(get_args(Precision))}, not {precision!r}"
+        )
+    writers = _ASCII if ascii else _WRITERS
+    if mesh_format not in writers:
+        raise InvalidExportError(f"{mesh_format} has no text form; choose one of {', '.join(_ASCII)}")
+    return writers[mesh_format](mesh, precision)
