@@ -37,11 +37,11 @@ class Frame:
         return cls(origin, math.ldexp(1.0, math.frexp(half_side)[1] - 1) if half_side > 0 else 1.0)
 
     def inside(self, V: Floats) -> Floats:
-        """Return positions V of the mesh's unit as positions in the box."""
-        return (V - self.origin) / self.scale
+        """Return positions V of the mesh's unit as positions in the box, column by column in memory."""
+        return np.asfortranarray((V - self.origin) / self.scale)
 
     def outside(self, U: Floats) -> Floats:
-        """Return positions U in the box in the mesh's unit, read-only."""
-        V = np.asarray(self.origin + self.scale * U)
+        """Return positions U in the box in the mesh's unit, row by row in memory, read-only."""
+        V = np.ascontiguousarray(self.origin + self.scale * U)
         V.setflags(write=False)
         return V

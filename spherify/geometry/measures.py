@@ -2,6 +2,9 @@
 
 Vartziotis, "Curvature transformation", arXiv:1608.03898, section 1. Unit normals of degenerate faces are zero
 vectors, and the dihedral angle at such a face is 0.
+
+Vectors are rows of (k, 3) arrays. Any memory layout gives the right numbers; column by column (Fortran order, what
+`gather` makes) is twice as quick, because every operation then runs over contiguous memory.
 """
 
 from __future__ import annotations
@@ -9,6 +12,14 @@ from __future__ import annotations
 import numpy as np
 
 from spherify.geometry.mesh import Floats, Ints
+
+
+def gather(rows: Floats, index: Ints) -> Floats:
+    """Pick rows of an (n, 3) array by ``index`` (k,) in 0 … n - 1: (k, 3), column by column in memory."""
+    picked = np.empty((len(index), 3), order="F")
+    for column in range(3):
+        np.take(rows[:, column], index, out=picked[:, column], mode="clip")  # unbuffered, unlike "raise"
+    return picked
 
 
 def cross(a: Floats, b: Floats) -> Floats:
@@ -22,7 +33,7 @@ def cross(a: Floats, b: Floats) -> Floats:
 
 def dot(a: Floats, b: Floats) -> Floats:
     """Row-wise scalar product of two (k, 3) arrays, (k,)."""
-    product: Floats = np.einsum("ij,ij->i", a, b)
+    product: Floats = a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1] + a[:, 2] * b[:, 2]
     return product
 
 
@@ -40,14 +51,17 @@ def normalised(a: Floats) -> Floats:
 def scatter(index: Ints, values: Floats, n: int) -> Floats:
     """Sum (k,) or (k, 3) ``values`` into n bins named by ``index`` (k,), always in the same order."""
     if values.ndim == 2:
-        return np.stack([scatter(index, column, n) for column in values.T], axis=1)
+        sums = np.empty((n, 3), order="F")
+        for column in range(3):
+            sums[:, column] = np.bincount(index, values[:, column], n)
+        return sums
     return np.bincount(index, values, n).astype(np.float64, copy=False)
 
 
 def area_vectors(V: Floats, F: Ints) -> Floats:
     """(m, 3) vectors ½ (b - a) × (c - a): along the face normal, as long as the face's area."""
-    a = np.take(V, F[:, 0], axis=0)
-    return 0.5 * cross(np.take(V, F[:, 1], axis=0) - a, np.take(V, F[:, 2], axis=0) - a)
+    a = gather(V, F[:, 0])
+    return 0.5 * cross(gather(V, F[:, 1]) - a, gather(V, F[:, 2]) - a)
 
 
 def face_areas(V: Floats, F: Ints) -> Floats:
@@ -76,7 +90,7 @@ def sum_at_vertices(face_values: Floats, F: Ints, n: int) -> Floats:
 
 def edge_lengths(V: Floats, edges: Ints) -> Floats:
     """(e,) lengths l(e) of ``edges`` (e, 2)."""
-    return norm(np.take(V, edges[:, 1], axis=0) - np.take(V, edges[:, 0], axis=0))
+    return norm(gather(V, edges[:, 1]) - gather(V, edges[:, 0]))
 
 
 def dihedral_angles(V: Floats, edges: Ints, edge_faces: Ints, face_normals: Floats) -> Floats:
@@ -91,9 +105,9 @@ def dihedral_angles(V: Floats, edges: Ints, edge_faces: Ints, face_normals: Floa
         face_normals: (m, 3) unit normals.
 
     """
-    along = normalised(np.take(V, edges[:, 1], axis=0) - np.take(V, edges[:, 0], axis=0))
-    n_f = np.take(face_normals, edge_faces[:, 0], axis=0)
-    n_g = np.take(face_normals, edge_faces[:, 1], axis=0)
+    along = normalised(gather(V, edges[:, 1]) - gather(V, edges[:, 0]))
+    n_f = gather(face_normals, edge_faces[:, 0])
+    n_g = gather(face_normals, edge_faces[:, 1])
     return np.arctan2(dot(cross(n_f, n_g), along), dot(n_f, n_g))
 
 
@@ -102,7 +116,7 @@ def area_centroid(V: Floats, F: Ints, areas: Floats) -> Floats:
     total = float(areas.sum())
     if total == 0:
         return np.asarray(V.mean(axis=0))
-    corners = np.take(V, F[:, 0], axis=0) + np.take(V, F[:, 1], axis=0) + np.take(V, F[:, 2], axis=0)
+    corners = gather(V, F[:, 0]) + gather(V, F[:, 1]) + gather(V, F[:, 2])
     return np.asarray((areas[:, None] * corners).sum(axis=0) / (3 * total))
 
 
@@ -111,12 +125,12 @@ def volume(V: Floats, F: Ints, origin: Floats) -> float:
 
     For a closed mesh it does not depend on ``origin`` (3,); for an open one it is that of the cone over it.
     """
-    a, b, c = (np.take(V, F[:, k], axis=0) - origin for k in range(3))
+    a, b, c = (gather(V, F[:, k]) - origin for k in range(3))
     return float(dot(a, cross(b, c)).sum() / 6)
 
 
 def least_altitudes(V: Floats, F: Ints, areas: Floats) -> Floats:
     """(m,) least altitude of each triangle: 2·area / longest edge; 0 for a point."""
-    a, b, c = (np.take(V, F[:, k], axis=0) for k in range(3))
+    a, b, c = (gather(V, F[:, k]) for k in range(3))
     longest = np.sqrt(np.maximum(np.maximum(dot(b - a, b - a), dot(c - b, c - b)), dot(a - c, a - c)))
     return np.divide(2 * areas, longest, out=np.zeros_like(areas), where=longest > 0)

@@ -90,6 +90,8 @@ class Progress:
     def restored(cls, arrays: Mapping[str, NDArray[Any]], fingerprint: NDArray[np.uint8], n: int) -> Progress:
         """Read what `arrays` wrote; further entries are ignored.
 
+        Positions are laid out column by column again, as the run had them: sums depend on it in their last bit.
+
         Raises:
             InvalidCheckpointError: an array is missing or has the wrong shape or type, or the fingerprint is another.
 
@@ -120,15 +122,15 @@ class Progress:
         momentum, annealing, plateau = (float(number) for number in arrays["control"])
         return cls(
             iteration=iteration,
-            position=arrays["position"],
-            previous=arrays["previous"],
+            position=np.asfortranarray(arrays["position"]),
+            previous=np.asfortranarray(arrays["previous"]),
             shape=_shape_from_array(arrays["shape"]),
             momentum=momentum,
             annealing=annealing,
             plateau=plateau,
             waited=waited,
             best_iteration=best_iteration,
-            best_position=arrays["best_position"],
+            best_position=np.asfortranarray(arrays["best_position"]),
             best_shape=_shape_from_array(arrays["best_shape"]),
             broke_at=None if broke_at < 0 else broke_at,
         )

@@ -12,7 +12,7 @@ from spherify.geometry.mesh import Floats, Ints
 
 def triangle_quality(V: Floats, F: Ints) -> Floats:
     """(m,) 4√3·A / (a² + b² + c²): 1 for an equilateral triangle, 0 for one without area or a point."""
-    a, b, c = (np.take(V, F[:, k], axis=0) for k in range(3))
+    a, b, c = (measures.gather(V, F[:, k]) for k in range(3))
     squares = measures.dot(b - a, b - a) + measures.dot(c - b, c - b) + measures.dot(a - c, a - c)
     areas = measures.face_areas(V, F)
     numerator = 4 * math.sqrt(3) * areas
@@ -26,6 +26,6 @@ def inward_faces(V: Floats, F: Ints, centre: Floats) -> int:
     folds of no area.
     """
     outward = (
-        np.take(V, F[:, 0], axis=0) + np.take(V, F[:, 1], axis=0) + np.take(V, F[:, 2], axis=0) - 3 * centre
+        measures.gather(V, F[:, 0]) + measures.gather(V, F[:, 1]) + measures.gather(V, F[:, 2]) - 3 * centre
     )
     return int((measures.dot(measures.area_vectors(V, F), outward) <= 0).sum())

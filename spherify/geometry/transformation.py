@@ -84,8 +84,8 @@ def relaxed(V: Floats, normals: Floats, topology: Topology, weights: Floats, fra
     n = topology.n_vertices
     a, b = topology.edges[:, 0], topology.edges[:, 1]
     weighted = V * weights[:, None]
-    summed = measures.scatter(a, np.take(weighted, b, axis=0), n) + measures.scatter(
-        b, np.take(weighted, a, axis=0), n
+    summed = measures.scatter(a, measures.gather(weighted, b), n) + measures.scatter(
+        b, measures.gather(weighted, a), n
     )
     total = (measures.scatter(a, np.take(weights, b), n) + measures.scatter(b, np.take(weights, a), n))[
         :, None

@@ -23,7 +23,7 @@ class ReferenceKernel:
     def transform(self, V: Floats, stage: Stage, step: float, relaxation: float) -> Floats | None:
         """See `spherify.geometry.kernels.interface.Kernel.transform`."""
         directions = [transformation.inward] * stage.k_in + [transformation.outward] * stage.k_out
-        moved = V
+        moved = np.asfortranarray(V)
         for along in directions:
             next_positions = self._elementary_step(moved, along, step, relaxation)
             if next_positions is None:
