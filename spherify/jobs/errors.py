@@ -4,6 +4,7 @@ JobsError
 ├── StoreUnavailableError   the server does not answer
 ├── StorageFullError        no space for a blob
 ├── BlobExistsError
+├── DamagedBlobError        it is not what was written
 ├── NotFoundError
 │   ├── JobNotFoundError
 │   ├── JobGoneError        it existed and was deleted
@@ -30,6 +31,10 @@ class StorageFullError(JobsError):
 
 class BlobExistsError(JobsError):
     """This key is written already, and blobs are written once."""
+
+
+class DamagedBlobError(JobsError):
+    """What is stored under this key is not what was written."""
 
 
 class NotFoundError(JobsError):

@@ -168,6 +168,10 @@ class JobStore(Protocol):
         """Hand a job on without counting a loss: accepted again, next in the queue."""
         ...
 
+    def lose(self, job_id: str, token: int) -> bool:
+        """Give a job up whose runner died, counting a loss; whether it is to be sent again."""
+        ...
+
     def commit(self, job_id: str, token: int, outcome: Outcome) -> bool:
         """End a job, once; repeating the same commit is True and changes nothing."""
         ...

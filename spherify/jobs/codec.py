@@ -1,0 +1,62 @@
+"""The JSON forms of the frozen records: what stands in ``spec.json``, ``result.json`` and in the job store.
+
+Written with sorted keys and without spaces, so that equal records are equal bytes.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+
+from spherify.jobs.model import JobError, JobSpec, JobStatus, MeshRecord, Outcome, Progress, Snapshot
+
+Row = dict[str, float | int]
+
+
+def dumps(value: Any) -> str:  # noqa: ANN401 (whatever JSON holds)
+    """Return JSON, the same for equal values."""
+    return json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
+
+
+def dump_record(record: JobSpec | Snapshot | Progress | Outcome | JobError | MeshRecord) -> str:
+    """Return the JSON of one record."""
+    return dumps(asdict(record))
+
+
+def load_spec(text: str | bytes) -> JobSpec:
+    """Read what `dump_record` wrote of a spec."""
+    data = json.loads(text)
+    return JobSpec(
+        **{**data, "tags": tuple(data["tags"]), "snapshots_requested": tuple(data["snapshots_requested"])}
+    )
+
+
+def load_snapshot(data: str | bytes | Mapping[str, Any]) -> Snapshot:
+    """Read a snapshot from its JSON, or from the object in it."""
+    return Snapshot(**(data if isinstance(data, Mapping) else json.loads(data)))
+
+
+def load_progress(data: str | bytes | Mapping[str, Any]) -> Progress:
+    """Read progress from its JSON, or from the object in it."""
+    return Progress(**(data if isinstance(data, Mapping) else json.loads(data)))
+
+
+def load_error(text: str | bytes) -> JobError:
+    """Read what `dump_record` wrote of an error."""
+    return JobError(**json.loads(text))
+
+
+def load_outcome(data: Mapping[str, Any]) -> Outcome:
+    """Read an outcome from the object in its JSON."""
+    error = data["error"]
+    return Outcome(
+        **{**data, "status": JobStatus(data["status"]), "error": None if error is None else JobError(**error)}
+    )
+
+
+def load_mesh_record(text: str | bytes) -> MeshRecord:
+    """Read what `dump_record` wrote of a mesh."""
+    data = json.loads(text)
+    return MeshRecord(**{**data, "allow": tuple(data["allow"])})

@@ -1,0 +1,351 @@
+"""Twins of the adapters in memory, for tests of what stands on them; the same contract suite runs against both."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+from spherify.jobs.errors import (
+    InvalidCursorError,
+    JobGoneError,
+    JobNotFinishedError,
+    JobNotFoundError,
+    MeshInUseError,
+    MeshNotFoundError,
+)
+from spherify.jobs.ids import is_job_id
+from spherify.jobs.model import (
+    LEGAL_MOVES,
+    Job,
+    JobError,
+    JobSpec,
+    JobStatus,
+    MeshRecord,
+    Outcome,
+    Progress,
+    Snapshot,
+)
+from spherify.jobs.ports import CancelOutcome, Claim, ClaimOutcome, Page, Renewal
+from spherify.stores.redis_meshes import mesh_cursor
+
+_AT_WORK = (JobStatus.RUNNING, JobStatus.CANCELLING)
+
+
+@dataclass
+class _Entry:
+    job: Job
+    queued_at: float
+    rows: dict[float, dict[str, float | int]] = field(default_factory=dict)
+    committed: tuple[int, Outcome] | None = None
+
+
+class MemoryJobStore:
+    """Job records in a dictionary under one lock; every move is checked against `LEGAL_MOVES`."""
+
+    def __init__(
+        self, *, lease_s: float = 30.0, max_losses: int = 3, clock: Callable[[], float] = time.time
+    ) -> None:
+        self._entries: dict[str, _Entry] = {}
+        self._gone: set[str] = set()
+        self._lock = threading.RLock()
+        self._lease_s = lease_s
+        self._max_losses = max_losses
+        self._clock = clock
+
+    def add(self, spec: JobSpec) -> Job:
+        """Record a new accepted job and queue it; adding it again changes nothing."""
+        with self._lock:
+            if spec.id not in self._entries and spec.id not in self._gone:
+                self._entries[spec.id] = _Entry(Job(spec), self._clock())
+            return self.get(spec.id)
+
+    def get(self, job_id: str) -> Job:
+        """Return one job; raises `JobNotFoundError`, or `JobGoneError` after a delete."""
+        with self._lock:
+            entry = self._entries.get(job_id)
+            if entry is None:
+                gone = job_id in self._gone
+                raise (
+                    JobGoneError(f"{job_id} was deleted")
+                    if gone
+                    else JobNotFoundError(f"there is no job {job_id}")
+                )
+            if entry.job.status is not JobStatus.ACCEPTED:
+                return entry.job
+            return replace(entry.job, queue_position=self.waiting(0).index(job_id))
+
+    def find(
+        self,
+        *,
+        status: JobStatus | None = None,
+        tag: str | None = None,
+        mesh_id: str | None = None,
+        created_after: float | None = None,
+        limit: int = 50,
+        cursor: str | None = None,
+    ) -> Page[Job]:
+        """Return a page of jobs, newest first; raises `InvalidCursorError`."""
+        if cursor is not None and not is_job_id(cursor):
+            raise InvalidCursorError(f"{cursor!r} is no cursor of this listing")
+        with self._lock:
+            jobs = [self.get(job_id) for job_id in sorted(self._entries, reverse=True)]
+        found = [
+            job
+            for job in jobs
+            if (cursor is None or job.id < cursor)
+            and (status is None or job.status is status)
+            and (tag is None or tag in job.spec.tags)
+            and (mesh_id is None or job.spec.mesh_id == mesh_id)
+            and (created_after is None or job.spec.created_at > created_after)
+        ]
+        return Page(tuple(found[:limit]), found[limit - 1].id if len(found) > limit else None)
+
+    def metrics(self, job_id: str) -> list[dict[str, float | int]]:
+        """Return the recorded time series, ascending by ``iteration``; raises as `get` does."""
+        with self._lock:
+            self.get(job_id)
+            return [row for _, row in sorted(self._entries[job_id].rows.items())]
+
+    def delete(self, job_id: str) -> None:
+        """Forget a terminal job, leaving a tombstone; raises `JobNotFinishedError`, `JobNotFoundError`."""
+        with self._lock:
+            if not self.get(job_id).status.done:
+                raise JobNotFinishedError(f"{job_id} is not finished: cancel it first")
+            del self._entries[job_id]
+            self._gone.add(job_id)
+
+    def request_cancel(self, job_id: str) -> CancelOutcome:
+        """Cancel a waiting job at once, or flag a running one."""
+        with self._lock:
+            entry = self._entries.get(job_id)
+            if entry is None:
+                return CancelOutcome.UNKNOWN
+            if entry.job.status is JobStatus.ACCEPTED:
+                self._move(entry, JobStatus.CANCELLED, stop_reason="cancelled")
+            elif entry.job.status is JobStatus.RUNNING:
+                self._move(entry, JobStatus.CANCELLING)
+            return {
+                JobStatus.CANCELLED: CancelOutcome.CANCELLED,
+                JobStatus.CANCELLING: CancelOutcome.CANCELLING,
+            }.get(entry.job.status, CancelOutcome.FINISHED)
+
+    def claim(self, job_id: str, worker: str) -> Claim:
+        """Take the lease and the next fencing token."""
+        with self._lock:
+            entry = self._entries.get(job_id)
+            if entry is None or entry.job.status.done:
+                return Claim(ClaimOutcome.DONE)
+            if entry.job.status in _AT_WORK:
+                if self._leased(entry):
+                    return Claim(ClaimOutcome.LEASED)
+                after = self._lose(entry)
+                if after is not JobStatus.ACCEPTED:
+                    return Claim(ClaimOutcome.POISONED if after is JobStatus.FAILED else ClaimOutcome.DONE)
+            job = entry.job
+            self._move(
+                entry,
+                JobStatus.RUNNING,
+                token=job.token + 1,
+                attempt=job.attempt + 1,
+                worker=worker,
+                started_at=job.started_at or self._clock(),
+                lease_until=self._clock() + self._lease_s,
+            )
+            return Claim(ClaimOutcome.CLAIMED, job.token + 1)
+
+    def renew(self, job_id: str, token: int) -> Renewal:
+        """Extend the lease, and learn whether to go on."""
+        with self._lock:
+            entry = self._held(job_id, token)
+            if entry is None:
+                return Renewal.FENCED
+            entry.job = replace(entry.job, lease_until=self._clock() + self._lease_s)
+            return Renewal.CANCEL if entry.job.status is JobStatus.CANCELLING else Renewal.HELD
+
+    def report(
+        self,
+        job_id: str,
+        token: int,
+        progress: Progress,
+        rows: Sequence[Mapping[str, float | int]] = (),
+    ) -> bool:
+        """Record progress and new rows of the time series (each with ``iteration``), idempotently."""
+        with self._lock:
+            entry = self._held(job_id, token)
+            if entry is None:
+                return False
+            entry.rows.update({row["iteration"]: dict(row) for row in rows})
+            newest = {k: v for k, v in rows[-1].items() if k != "iteration"} if rows else entry.job.metrics
+            entry.job = replace(entry.job, progress=progress, metrics=newest, rev=entry.job.rev + 1)
+            return True
+
+    def add_snapshot(self, job_id: str, token: int, snapshot: Snapshot) -> bool:
+        """Publish a snapshot whose file is durable."""
+        with self._lock:
+            entry = self._held(job_id, token)
+            if entry is None:
+                return False
+            kept = {s.iteration: s for s in (*entry.job.snapshots, snapshot)}
+            ascending = tuple(kept[i] for i in sorted(kept))
+            entry.job = replace(entry.job, snapshots=ascending, rev=entry.job.rev + 1)
+            return True
+
+    def release(self, job_id: str, token: int) -> bool:
+        """Hand a job on without counting a loss: accepted again, next in the queue."""
+        with self._lock:
+            entry = self._held(job_id, token)
+            if entry is None:
+                return False
+            if entry.job.status is JobStatus.CANCELLING:
+                self._move(entry, JobStatus.CANCELLED, stop_reason="cancelled")
+            else:
+                self._move(entry, JobStatus.ACCEPTED)
+            return True
+
+    def lose(self, job_id: str, token: int) -> bool:
+        """Give a job up whose runner died, counting a loss; whether it is to be sent again."""
+        with self._lock:
+            entry = self._held(job_id, token)
+            return entry is not None and self._lose(entry) is JobStatus.ACCEPTED
+
+    def commit(self, job_id: str, token: int, outcome: Outcome) -> bool:
+        """End a job, once; repeating the same commit is True and changes nothing."""
+        with self._lock:
+            entry = self._entries.get(job_id)
+            if entry is not None and entry.committed == (token, outcome):
+                return True
+            entry = self._held(job_id, token)
+            if entry is None:
+                return False
+            entry.committed = (token, outcome)
+            cancelled = entry.job.status is JobStatus.CANCELLING
+            self._move(
+                entry,
+                JobStatus.CANCELLED if cancelled else outcome.status,
+                stop_reason="cancelled" if cancelled else outcome.stop_reason,
+                stop_detail=None if cancelled else outcome.stop_detail,
+                error=None if cancelled else outcome.error,
+                result_iteration=outcome.result_iteration,
+                best_iteration=outcome.best_iteration,
+            )
+            return True
+
+    def lost(self) -> list[str]:
+        """Free every job whose lease ran out and return those to be sent again; poison ones are failed."""
+        with self._lock:
+            return [
+                job_id
+                for job_id, entry in self._entries.items()
+                if entry.job.status in _AT_WORK
+                and not self._leased(entry)
+                and self._lose(entry) is JobStatus.ACCEPTED
+            ]
+
+    def waiting(self, older_than_s: float) -> list[str]:
+        """Return accepted jobs queued for longer than that, oldest first."""
+        with self._lock:
+            till = self._clock() - older_than_s
+            old = [
+                (e.queued_at, i)
+                for i, e in self._entries.items()
+                if e.job.status is JobStatus.ACCEPTED and e.queued_at <= till
+            ]
+            return [job_id for _, job_id in sorted(old)]
+
+    def counts(self) -> dict[JobStatus, int]:
+        """Return how many jobs are in each state."""
+        with self._lock:
+            states = [entry.job.status for entry in self._entries.values()]
+            return {status: states.count(status) for status in JobStatus}
+
+    def ping(self) -> None:
+        """Return: memory always answers."""
+
+    def _held(self, job_id: str, token: int) -> _Entry | None:
+        entry = self._entries.get(job_id)
+        at_work = entry is not None and entry.job.status in _AT_WORK and entry.job.token == token
+        return entry if at_work else None
+
+    def _leased(self, entry: _Entry) -> bool:
+        return entry.job.lease_until is not None and entry.job.lease_until > self._clock()
+
+    def _lose(self, entry: _Entry) -> JobStatus:
+        losses = entry.job.losses + 1
+        if entry.job.status is JobStatus.CANCELLING:
+            self._move(entry, JobStatus.CANCELLED, stop_reason="cancelled")
+        elif losses > self._max_losses:
+            error = JobError("worker-lost", f"its worker was lost {losses} times")
+            self._move(entry, JobStatus.FAILED, losses=losses, error=error)
+        else:
+            self._move(entry, JobStatus.ACCEPTED, losses=losses)
+        return entry.job.status
+
+    def _move(self, entry: _Entry, to: JobStatus, **changes: object) -> None:
+        if to not in LEGAL_MOVES[entry.job.status]:
+            raise AssertionError(f"{entry.job.status} → {to} is no legal move")
+        if to.done:
+            changes["finished_at"] = self._clock()
+        if to not in _AT_WORK:
+            changes.update(lease_until=None, worker=None)
+        entry.job = replace(entry.job, status=to, rev=entry.job.rev + 1, **changes)  # type: ignore[arg-type] # fields of Job, checked by replace
+
+
+class MemoryMeshStore:
+    """Mesh records in a dictionary; asks the jobs which meshes are in use."""
+
+    def __init__(self, jobs: MemoryJobStore) -> None:
+        self._records: dict[str, MeshRecord] = {}
+        self._jobs = jobs
+
+    def add(self, record: MeshRecord) -> bool:
+        """Record a mesh whose files are durable; False if it was known already (nothing changes)."""
+        return self._records.setdefault(record.id, record) is record
+
+    def get(self, mesh_id: str) -> MeshRecord:
+        """Return one record; raises `MeshNotFoundError`."""
+        if mesh_id not in self._records:
+            raise MeshNotFoundError(f"there is no mesh {mesh_id}")
+        return self._records[mesh_id]
+
+    def find(self, *, limit: int = 50, cursor: str | None = None) -> Page[MeshRecord]:
+        """Return a page of meshes, newest first; raises `InvalidCursorError`."""
+        before = mesh_cursor(cursor)
+        newest = sorted(self._records.values(), key=lambda r: (r.created_at, r.id), reverse=True)
+        found = [record for record in newest if (record.created_at, record.id) < before]
+        last = found[limit - 1] if len(found) > limit else None
+        return Page(tuple(found[:limit]), None if last is None else f"{last.created_at!r}~{last.id}")
+
+    def delete(self, mesh_id: str) -> None:
+        """Forget a mesh; raises `MeshInUseError` while any job names it, `MeshNotFoundError`."""
+        self.get(mesh_id)
+        if self._jobs.find(mesh_id=mesh_id, limit=1).items:
+            raise MeshInUseError(f"a job names the mesh {mesh_id}: delete the job first")
+        del self._records[mesh_id]
+
+
+class MemoryJobQueue:
+    """A list of ids; `take` is what a worker would do."""
+
+    def __init__(self) -> None:
+        self._waiting: list[str] = []
+        self._delivered: set[str] = set()
+
+    def send(self, job_id: str) -> None:
+        """Send one id."""
+        self._waiting.append(job_id)
+
+    def take(self) -> str:
+        """Deliver the oldest id; raises `IndexError` when there is none."""
+        job_id = self._waiting.pop(0)
+        self._delivered.add(job_id)
+        return job_id
+
+    def acknowledge(self, job_id: str) -> None:
+        """Forget a delivered id."""
+        self._delivered.discard(job_id)
+
+    def pending(self) -> set[str]:
+        """Return the ids that are in the queue or delivered and not acknowledged."""
+        return {*self._waiting, *self._delivered}

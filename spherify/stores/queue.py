@@ -1,0 +1,105 @@
+"""Job ids through Celery: the one place outside of the worker that knows it.
+
+Only a hint: kombu pops a message and books it as delivered in two round trips, and what dies between them is
+gone. The reconciler compares `CeleryJobQueue.pending` with the records and sends again.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from typing import Any, Final
+from urllib.parse import parse_qs, urlsplit
+
+from celery import Celery
+from kombu.exceptions import OperationalError
+
+from spherify.jobs.errors import StoreUnavailableError
+from spherify.stores import keys
+from spherify.stores.client import connect, reachable
+
+TASK: Final = "spherify.run_job"
+VISIBILITY_S: Final = 120  # refreshed by the heartbeat, so that jobs of hours are delivered once
+TRANSPORT: Final = {
+    "visibility_timeout": VISIBILITY_S,
+    "unacked_key": keys.UNACKED,
+    "unacked_index_key": keys.UNACKED_INDEX,
+    "unacked_mutex_key": keys.UNACKED_MUTEX,
+    "unacked_restore_interval": 10,
+    "unacked_restore_throttle": 1,
+    "socket_keepalive": True,
+    "retry_on_timeout": False,
+}
+"""Transport options that every producer and consumer must share: the shortest visibility would win."""
+
+_BOUNDED: Final = {"max_retries": 1, "interval_start": 0, "interval_step": 0.1, "interval_max": 0.2}
+_PRIORITY_SEPARATOR: Final = "\x06\x16"
+_PRIORITIES: Final = (0, 3, 6, 9)  # kombu's lists of one queue
+
+
+class CeleryJobQueue:
+    """A `spherify.jobs.ports.JobQueue`; may be shared by threads."""
+
+    def __init__(self, redis_url: str, *, timeout_s: float = 0.5) -> None:
+        self._client = connect(redis_url, timeout_s=timeout_s)
+        self._celery = Celery("spherify", broker=broker_url(redis_url), set_as_current=False)
+        self._celery.conf.update(
+            task_default_queue=keys.QUEUE,
+            task_serializer="json",
+            task_publish_retry_policy=_BOUNDED,
+            broker_transport_options={
+                **transport(redis_url),
+                **_BOUNDED,
+                "socket_timeout": timeout_s,
+                "socket_connect_timeout": timeout_s,
+            },
+        )
+
+    def send(self, job_id: str) -> None:
+        """Send one id; raises `StoreUnavailableError` within 2 s when the broker does not answer."""
+        try:
+            with reachable():
+                self._celery.send_task(TASK, args=(job_id,), task_id=job_id, ignore_result=True)
+        except OperationalError as e:
+            raise StoreUnavailableError(f"the queue does not answer: {e}") from e
+
+    def pending(self) -> set[str]:
+        """Return the ids that are in the queue or delivered and not acknowledged."""
+        with reachable(), self._client.pipeline(transaction=True) as pipe:
+            for priority in _PRIORITIES:
+                name = f"{keys.QUEUE}{_PRIORITY_SEPARATOR}{priority}" if priority else keys.QUEUE
+                pipe.lrange(name, 0, -1)
+            pipe.hvals(keys.UNACKED)
+            *lists, delivered = pipe.execute()
+        messages = [json.loads(text) for part in lists for text in part]
+        messages += [json.loads(text)[0] for text in delivered]  # message, exchange, routing key
+        return {message["headers"]["id"] for message in messages}
+
+    def keep(self, delivery_tag: str) -> None:
+        """Say that a delivered message is still being worked on, so that it is not delivered again.
+
+        The visibility timeout counts from a score that kombu sets once; this sets it anew. Should kombu rename
+        its key, the lease still keeps a second worker out.
+        """
+        with reachable():
+            self._client.zadd(keys.UNACKED_INDEX, {delivery_tag: time.time()}, xx=True)
+
+    def close(self) -> None:
+        """Close the connections."""
+        self._celery.close()
+        self._client.close()
+
+
+def broker_url(redis_url: str) -> str:
+    """Return the address in Celery's spelling, which differs for unix sockets."""
+    parts = urlsplit(redis_url)
+    if parts.scheme != "unix":
+        return redis_url
+    database = parse_qs(parts.query).get("db", ["0"])[0]
+    return f"redis+socket://{parts.path}?virtual_host={database}"
+
+
+def transport(redis_url: str) -> dict[str, Any]:
+    """Return `TRANSPORT` as this address allows it: a unix socket takes no TCP options."""
+    unix = urlsplit(redis_url).scheme == "unix"
+    return {name: value for name, value in TRANSPORT.items() if not (unix and name == "socket_keepalive")}

@@ -1,0 +1,218 @@
+"""The live records of jobs in a Redis-protocol server; every change of several keys is one script."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Final
+
+import redis
+
+from spherify.jobs.codec import dump_record, dumps
+from spherify.jobs.errors import InvalidCursorError, JobGoneError, JobNotFinishedError, JobNotFoundError
+from spherify.jobs.ids import earliest_job_id, is_job_id
+from spherify.jobs.model import Job, JobSpec, JobStatus, Outcome, Progress, Snapshot
+from spherify.jobs.ports import CancelOutcome, Claim, ClaimOutcome, Page, Renewal
+from spherify.stores import keys
+from spherify.stores.client import Scripts, reachable
+from spherify.stores.records import fields_of, job_of
+
+TOMBSTONE_S: Final = 30 * 24 * 3600
+_CHUNK: Final = 200  # ids read at a time while a listing is filtered
+_ROWS_A_CALL: Final = 500  # far below the stack of Lua's unpack, and a call stays short
+
+
+class RedisJobStore:
+    """A `spherify.jobs.ports.JobStore`; time is the server's, never a worker's."""
+
+    def __init__(self, client: redis.Redis, *, lease_s: float = 30.0, max_losses: int = 3) -> None:
+        self._client = client
+        self._scripts = Scripts(client)
+        self._lease_ms = round(lease_s * 1000)
+        self._max_losses = max_losses
+
+    def add(self, spec: JobSpec) -> Job:
+        """Record a new accepted job and queue it, in one transaction; adding it again changes nothing."""
+        self._run("add", spec.id, [dump_record(spec), *_indexes(spec)], more_keys=[keys.gone(spec.id)])
+        return self.get(spec.id)
+
+    def get(self, job_id: str) -> Job:
+        """Return one job; raises `JobNotFoundError`, or `JobGoneError` after a delete."""
+        job = next(self._read([job_id]))
+        if job is not None:
+            return job
+        with reachable():
+            gone = self._client.exists(keys.gone(job_id))
+        raise JobGoneError(f"{job_id} was deleted") if gone else JobNotFoundError(f"there is no job {job_id}")
+
+    def find(
+        self,
+        *,
+        status: JobStatus | None = None,
+        tag: str | None = None,
+        mesh_id: str | None = None,
+        created_after: float | None = None,
+        limit: int = 50,
+        cursor: str | None = None,
+    ) -> Page[Job]:
+        """Return a page of jobs, newest first; raises `InvalidCursorError`."""
+        if cursor is not None and not is_job_id(cursor):
+            raise InvalidCursorError(f"{cursor!r} is no cursor of this listing")
+        index = (
+            keys.BY_MESH + mesh_id if mesh_id is not None
+            else keys.BY_TAG + tag if tag is not None
+            else keys.BY_STATUS + status if status is not None
+            else keys.JOBS
+        )  # fmt: skip
+        since = "-" if created_after is None else f"[{earliest_job_id(created_after)}"
+        found: list[Job] = []
+        for job in self._walk(index, since, "+" if cursor is None else f"({cursor}"):
+            if (
+                (status is None or job.status is status)
+                and (tag is None or tag in job.spec.tags)
+                and (created_after is None or job.spec.created_at > created_after)
+            ):
+                found.append(job)
+                if len(found) > limit:
+                    return Page(tuple(found[:limit]), found[limit - 1].id)
+        return Page(tuple(found), None)
+
+    def metrics(self, job_id: str) -> list[dict[str, float | int]]:
+        """Return the recorded time series, ascending by ``iteration``; raises as `get` does."""
+        with reachable():
+            rows: list[str] = self._client.hvals(keys.rows(job_id))  # type: ignore[assignment] # client is not async
+        if not rows:
+            self.get(job_id)
+        return sorted(map(_loads, rows), key=lambda row: row["iteration"])
+
+    def delete(self, job_id: str) -> None:
+        """Forget a terminal job, leaving a tombstone; raises `JobNotFinishedError`, `JobNotFoundError`."""
+        job = self.get(job_id)
+        answer = self._run(
+            "delete",
+            job_id,
+            [TOMBSTONE_S, *_indexes(job.spec)],
+            more_keys=[keys.gone(job_id), keys.rows(job_id), keys.snapshots(job_id)],
+        )
+        if answer == "not-finished":
+            raise JobNotFinishedError(f"{job_id} is not finished: cancel it first")
+
+    def request_cancel(self, job_id: str) -> CancelOutcome:
+        """Cancel a waiting job at once, or flag a running one."""
+        return CancelOutcome(self._run("cancel", job_id, []))
+
+    def claim(self, job_id: str, worker: str) -> Claim:
+        """Take the lease and the next fencing token."""
+        outcome, token = self._run("claim", job_id, [worker, self._lease_ms, self._max_losses])
+        return Claim(ClaimOutcome(outcome), int(token))
+
+    def renew(self, job_id: str, token: int) -> Renewal:
+        """Extend the lease, and learn whether to go on."""
+        return Renewal(self._run("renew", job_id, [token, self._lease_ms]))
+
+    def report(
+        self,
+        job_id: str,
+        token: int,
+        progress: Progress,
+        rows: Sequence[Mapping[str, float | int]] = (),
+    ) -> bool:
+        """Record progress and new rows of the time series (each with ``iteration``), idempotently."""
+        for start in range(0, max(len(rows), 1), _ROWS_A_CALL):
+            part = rows[start : start + _ROWS_A_CALL]
+            newest = {k: v for k, v in part[-1].items() if k != "iteration"} if part else None
+            args = [token, dump_record(progress), "" if newest is None else dumps(newest)]
+            for row in part:
+                args += [row["iteration"], dumps(dict(row))]
+            if not self._run("report", job_id, args, more_keys=[keys.rows(job_id)]):
+                return False
+        return True
+
+    def add_snapshot(self, job_id: str, token: int, snapshot: Snapshot) -> bool:
+        """Publish a snapshot whose file is durable."""
+        args = [token, snapshot.iteration, dump_record(snapshot)]
+        return bool(self._run("snapshot", job_id, args, more_keys=[keys.snapshots(job_id)]))
+
+    def release(self, job_id: str, token: int) -> bool:
+        """Hand a job on without counting a loss: accepted again, next in the queue."""
+        return bool(self._run("release", job_id, [token]))
+
+    def lose(self, job_id: str, token: int) -> bool:
+        """Give a job up whose runner died, counting a loss; whether it is to be sent again."""
+        return bool(self._run("lose", job_id, [token, self._max_losses]) == JobStatus.ACCEPTED)
+
+    def commit(self, job_id: str, token: int, outcome: Outcome) -> bool:
+        """End a job, once; repeating the same commit is True and changes nothing."""
+        args = [token, outcome.status, dump_record(outcome), *fields_of(outcome)]
+        return bool(self._run("commit", job_id, args))
+
+    def lost(self) -> list[str]:
+        """Free every job whose lease ran out and return those to be sent again; poison ones are failed."""
+        seconds, microseconds = self._time()
+        with reachable():
+            overdue: list[str] = self._client.zrangebyscore(  # type: ignore[assignment] # client is not async
+                keys.LEASES, "-inf", seconds * 1000 + microseconds // 1000
+            )
+        return [
+            job_id
+            for job_id in overdue
+            if self._run("lose", job_id, ["", self._max_losses]) == JobStatus.ACCEPTED
+        ]
+
+    def waiting(self, older_than_s: float) -> list[str]:
+        """Return accepted jobs queued for longer than that, oldest first."""
+        seconds, microseconds = self._time()
+        till = seconds * 1000 + microseconds // 1000 - round(older_than_s * 1000)
+        with reachable():
+            return self._client.zrangebyscore(keys.QUEUED, "-inf", till)  # type: ignore[return-value] # client is not async
+
+    def counts(self) -> dict[JobStatus, int]:
+        """Return how many jobs are in each state."""
+        with reachable(), self._client.pipeline(transaction=True) as pipe:
+            for status in JobStatus:
+                pipe.zcard(keys.BY_STATUS + status)
+            return dict(zip(JobStatus, pipe.execute(), strict=True))
+
+    def ping(self) -> None:
+        """Raise `StoreUnavailableError` unless the server answers."""
+        with reachable():
+            self._client.ping()
+
+    def _time(self) -> tuple[int, int]:
+        with reachable():
+            return self._client.time()
+
+    def _run(self, name: str, job_id: str, args: list[Any], *, more_keys: Sequence[str] = ()) -> Any:  # noqa: ANN401
+        record = [keys.job(job_id), keys.QUEUED, keys.LEASES, keys.BY_STATUS]
+        return self._scripts(name, [*record, *more_keys], [job_id, *args])
+
+    def _walk(self, index: str, since: str, before: str) -> Iterator[Job]:
+        """Yield the jobs of an index, newest first; one that is deleted meanwhile is left out."""
+        while True:
+            with reachable():
+                ids: list[str] = self._client.zrevrangebylex(index, before, since, 0, _CHUNK)  # type: ignore[assignment] # client is not async
+            for job in self._read(ids):
+                if job is not None:
+                    yield job
+            if len(ids) < _CHUNK:
+                return
+            before = f"({ids[-1]}"
+
+    def _read(self, ids: Sequence[str]) -> Iterator[Job | None]:
+        """Yield each of these jobs as it was at one moment, None where there is none."""
+        for job_id in ids:
+            with reachable(), self._client.pipeline(transaction=True) as pipe:
+                pipe.hgetall(keys.job(job_id))
+                pipe.hvals(keys.snapshots(job_id))
+                pipe.zrank(keys.QUEUED, job_id)
+                record, snapshots, position = pipe.execute()
+            yield job_of(record, snapshots, position) if record else None
+
+
+def _loads(row: str) -> dict[str, float | int]:
+    loaded: dict[str, float | int] = json.loads(row)
+    return loaded
+
+
+def _indexes(spec: JobSpec) -> list[str]:
+    return [keys.JOBS, keys.BY_MESH + spec.mesh_id, *(keys.BY_TAG + tag for tag in dict.fromkeys(spec.tags))]

@@ -1,0 +1,87 @@
+"""The records of meshes in a Redis-protocol server."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import redis
+
+from spherify.jobs.codec import dump_record, load_mesh_record
+from spherify.jobs.errors import InvalidCursorError, MeshInUseError, MeshNotFoundError
+from spherify.jobs.model import MeshRecord
+from spherify.jobs.ports import Page
+from spherify.stores import keys
+from spherify.stores.client import Scripts, reachable
+
+_CHUNK: Final = 200
+
+
+class RedisMeshStore:
+    """A `spherify.jobs.ports.MeshStore`; the jobs' own index tells which meshes are in use."""
+
+    def __init__(self, client: redis.Redis) -> None:
+        self._client = client
+        self._scripts = Scripts(client)
+
+    def add(self, record: MeshRecord) -> bool:
+        """Record a mesh whose files are durable; False if it was known already (nothing changes)."""
+        with reachable(), self._client.pipeline(transaction=True) as pipe:
+            pipe.set(keys.mesh(record.id), dump_record(record), nx=True)
+            pipe.zadd(keys.MESHES, {record.id: record.created_at}, nx=True)
+            return bool(pipe.execute()[0])
+
+    def get(self, mesh_id: str) -> MeshRecord:
+        """Return one record; raises `MeshNotFoundError`."""
+        with reachable():
+            text = self._client.get(keys.mesh(mesh_id))
+        if text is None:
+            raise MeshNotFoundError(f"there is no mesh {mesh_id}")
+        return load_mesh_record(str(text))
+
+    def find(self, *, limit: int = 50, cursor: str | None = None) -> Page[MeshRecord]:
+        """Return a page of meshes, newest first; raises `InvalidCursorError`."""
+        before = mesh_cursor(cursor)
+        found: list[MeshRecord] = []
+        offset = 0
+        while True:
+            with reachable(), self._client.pipeline(transaction=False) as pipe:
+                pipe.zrevrangebyscore(keys.MESHES, before[0], "-inf", offset, _CHUNK, withscores=True)
+                entries = pipe.execute()[0]
+            ids = [mesh_id for mesh_id, created in entries if (created, mesh_id) < before]
+            with reachable():
+                texts = self._client.mget([keys.mesh(i) for i in ids]) if ids else []
+            found += [load_mesh_record(text) for text in texts if text is not None]
+            if len(found) > limit:
+                last = found[limit - 1]
+                return Page(tuple(found[:limit]), f"{last.created_at!r}~{last.id}")
+            if len(entries) < _CHUNK:
+                return Page(tuple(found), None)
+            offset += _CHUNK
+
+    def delete(self, mesh_id: str) -> None:
+        """Forget a mesh; raises `MeshInUseError` while any job names it, `MeshNotFoundError`."""
+        answer = self._scripts(
+            "delete_mesh",
+            [keys.mesh(mesh_id), keys.MESHES, keys.BY_MESH + mesh_id],
+            [mesh_id],
+            common=False,
+        )
+        if answer == "unknown":
+            raise MeshNotFoundError(f"there is no mesh {mesh_id}")
+        if answer == "in-use":
+            raise MeshInUseError(f"a job names the mesh {mesh_id}: delete the job first")
+
+
+def mesh_cursor(cursor: str | None) -> tuple[float, str]:
+    """Return the time and id that a page of meshes begins below; raises `InvalidCursorError`."""
+    if cursor is None:
+        return (float("inf"), "")
+    seconds, _, mesh_id = cursor.partition("~")
+    try:
+        created = float(seconds)
+    except ValueError as e:
+        raise InvalidCursorError(f"{cursor!r} is no cursor of this listing") from e
+    if not mesh_id or math.isnan(created):
+        raise InvalidCursorError(f"{cursor!r} is no cursor of this listing")
+    return (created, mesh_id)

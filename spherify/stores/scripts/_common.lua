@@ -1,0 +1,64 @@
+-- Put before every script of jobs. KEYS: 1 the record, 2 jobs:queued, 3 jobs:leases, 4 jobs:status: (a prefix).
+-- ARGV[1] is the job's id. The letters of the arrows are those of spherify/jobs/model.py.
+local JOB, QUEUED, LEASES, BY_STATUS, ID = KEYS[1], KEYS[2], KEYS[3], KEYS[4], ARGV[1]
+
+local function now() -- milliseconds, by the server's clock only
+  local t = redis.call('TIME')
+  return tonumber(t[1]) * 1000 + math.floor(tonumber(t[2]) / 1000)
+end
+
+local function field(name) return redis.call('HGET', JOB, name) end
+
+local function touch() redis.call('HINCRBY', JOB, 'rev', 1) end
+
+local function move(to) -- to another status, and out of what the old one stood in
+  local from = field('status')
+  redis.call('ZREM', BY_STATUS .. from, ID)
+  redis.call('ZADD', BY_STATUS .. to, 0, ID)
+  redis.call('HSET', JOB, 'status', to)
+  if to ~= 'accepted' then redis.call('ZREM', QUEUED, ID) end
+  if to ~= 'running' and to ~= 'cancelling' then
+    redis.call('ZREM', LEASES, ID)
+    redis.call('HDEL', JOB, 'lease_until', 'worker')
+  end
+  touch()
+end
+
+local function finish(status)
+  redis.call('HSET', JOB, 'finished_at', now() / 1000)
+  move(status)
+end
+
+local function lease(ms)
+  local till = now() + ms
+  redis.call('ZADD', LEASES, till, ID)
+  redis.call('HSET', JOB, 'lease_until', till)
+end
+
+local function held(token) -- whether this attempt is the present one and still at work
+  local status = field('status')
+  return (status == 'running' or status == 'cancelling') and field('token') == token
+end
+
+local function requeue() -- arrow c
+  redis.call('ZADD', QUEUED, field('queued_at'), ID)
+  move('accepted')
+end
+
+-- Arrow c with a count, or the end of a job that lost too many workers. Returns the new status.
+local function lose(max_losses)
+  if field('status') == 'cancelling' then
+    redis.call('HSET', JOB, 'stop_reason', 'cancelled')
+    finish('cancelled')
+    return 'cancelled'
+  end
+  local losses = redis.call('HINCRBY', JOB, 'losses', 1)
+  if losses > max_losses then
+    redis.call('HSET', JOB, 'error', cjson.encode({code = 'worker-lost', detail =
+      'its worker was lost ' .. losses .. ' times, the last time without a word: most often the memory was not enough'}))
+    finish('failed')
+    return 'failed'
+  end
+  requeue()
+  return 'accepted'
+end

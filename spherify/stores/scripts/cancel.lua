@@ -1,0 +1,14 @@
+-- Arrows d and e.
+local status = field('status')
+if not status then return 'unknown' end
+if status == 'accepted' then
+  redis.call('HSET', JOB, 'stop_reason', 'cancelled')
+  finish('cancelled')
+  return 'cancelled'
+end
+if status == 'running' then
+  move('cancelling')
+  return 'cancelling'
+end
+if status == 'cancelling' or status == 'cancelled' then return status end
+return 'finished'

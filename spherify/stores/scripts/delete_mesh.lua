@@ -1,0 +1,6 @@
+-- A mesh no job names. KEYS: 1 record, 2 meshes, 3 the jobs that name it. ARGV: 1 id.
+if redis.call('EXISTS', KEYS[1]) == 0 then return 'unknown' end
+if redis.call('ZCARD', KEYS[3]) > 0 then return 'in-use' end
+redis.call('DEL', KEYS[1])
+redis.call('ZREM', KEYS[2], ARGV[1])
+return 'deleted'
