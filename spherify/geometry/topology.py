@@ -163,7 +163,7 @@ class Topology:
         """Euler's number V - E + F, over the vertices that are in a face."""
         return self.n_vertices - len(self.unreferenced_vertices) - len(self.edges) + len(self.faces)
 
-    @property
+    @cached_property
     def genus(self) -> int:
         """Handles of an oriented surface, summed over its components, holes filled and pinch vertices cut apart.
 
@@ -181,8 +181,8 @@ def connected_labels(n: int, pairs: Ints) -> Ints:
     """Label each of n nodes by the smallest node it is connected to through ``pairs`` (k, 2)."""
     labels = np.arange(n)
     while True:
-        ends = labels[pairs]
-        low, high = ends.min(axis=1), ends.max(axis=1)
+        one, other = labels[pairs[:, 0]], labels[pairs[:, 1]]
+        low, high = np.minimum(one, other), np.maximum(one, other)
         if (low == high).all():
             return labels
         np.minimum.at(labels, high, low)
