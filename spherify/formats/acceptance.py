@@ -51,7 +51,6 @@ class ReadMesh:
 def read(data: bytes, mesh_format: str, limits: ReadLimits) -> RawMesh:
     """Read bytes known to be of one format; raises `UnreadableError`."""
     module, function = _READERS[mesh_format]
-    # Imported when needed: only GLB has to pay for trimesh.
     reader: Reader = getattr(import_module(f"spherify.formats.readers.{module}"), function)
     raw = reader(data, limits)
     if not len(raw.faces):
@@ -70,6 +69,7 @@ def accept(data: bytes, name: str, allow: Collection[str], limits: ReadLimits) -
     Raises:
         UnreadableError: there are no vertices and triangles in it.
         MeshRefusedError: there are, but with a defect that ``allow`` does not let through.
+
     """
     mesh_format = agreed_format(data, name)
     mesh = draft(read(data, mesh_format, limits))
@@ -78,9 +78,9 @@ def accept(data: bytes, name: str, allow: Collection[str], limits: ReadLimits) -
     if "components" in allow:
         mesh = largest_component(mesh)
     found = defects(mesh)
-    if not len(mesh.topology.nonmanifold_edges) and not len(mesh.topology.misoriented_edges):
-        if enclosed_volume(mesh) < 0:
-            mesh = turned_outward(mesh)
+    two_sided = not len(mesh.topology.nonmanifold_edges) and not len(mesh.topology.misoriented_edges)
+    if two_sided and enclosed_volume(mesh) < 0:
+        mesh = turned_outward(mesh)
     problems = unforgiven(found, allow)
     figures = report(mesh, mesh_format, found, allow, eligible=not problems)
     if not problems and not figures.boundary_edges and figures.sphericity < _FLAT:

@@ -6,6 +6,7 @@ writes into the folder of the request: ``answer.json``, and if the mesh was acce
 
 from __future__ import annotations
 
+import gc
 import json
 import math
 import resource
@@ -63,6 +64,7 @@ def answer(request: dict[str, Any], limits: ReadLimits) -> dict[str, Any]:
 
 def main() -> None:
     """Serve one request."""
+    gc.disable()  # one request, then the end: looking for garbage would only take time
     request = json.load(sys.stdin)
     limits = ReadLimits(**request["limits"])
     confine(request["memory"], request["seconds"], 72 * limits.max_faces + MIB)

@@ -36,6 +36,14 @@ PROBLEM_CODES: Final[tuple[ProblemCode, ...]] = (
 )
 
 
+def problem_code(value: object) -> ProblemCode:
+    """Return a value that is one of `PROBLEM_CODES`; raises ValueError for any other."""
+    for code in PROBLEM_CODES:
+        if code == value:
+            return code
+    raise ValueError(f"{value!r} is no problem code")
+
+
 class FormatError(ValueError):
     """A mesh cannot be read or written."""
 
@@ -45,6 +53,7 @@ class UnreadableError(FormatError):
 
     Attributes:
         code: the problem it is, as the interface names it.
+
     """
 
     def __init__(self, detail: str, code: ProblemCode = "mesh-not-parsable") -> None:
@@ -70,6 +79,7 @@ class MeshRefusedError(FormatError):
         code: the problem it is, as the interface names it.
         errors: every defect that was found, the first one being ``code``.
         report: what could be measured, None if the file could not be read at all.
+
     """
 
     def __init__(

@@ -61,7 +61,8 @@ def _misoriented(mesh: Draft) -> Iterator[Defect]:
     if not len(edges):
         return
     places = _edges(mesh, edges)
-    problem = f"The winding of the faces changes across {_counted(len(edges), 'edge', 'edges')}, the first {_at(places[0])}"
+    across = _counted(len(edges), "edge", "edges")
+    problem = f"The winding of the faces changes across {across}, the first {_at(places[0])}"
     if is_orientable(mesh):
         cure = "Turn the faces that look the wrong way (in MeshLab: Re-Orient All Faces Coherently)."
     else:

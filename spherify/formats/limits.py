@@ -22,6 +22,7 @@ class ReadLimits:
         seconds_per_mib: added for each MiB of the file.
         memory_bytes: address space of the reading process for an empty file.
         memory_per_byte: added for each byte of the file.
+
     """
 
     max_vertices: int = 2_000_000

@@ -9,7 +9,7 @@ import numpy as np
 from spherify.formats.judge import genus_of
 from spherify.formats.repair import Draft
 from spherify.formats.report import Defect, MeshReport, Point
-from spherify.geometry.measures import area_vectors, norm
+from spherify.geometry.measures import area_vectors, dot, norm
 
 _NO_AREA = 1e-12  # quality below which a triangle is a line for float64
 
@@ -23,7 +23,8 @@ def enclosed_volume(mesh: Draft) -> float:
 
 def _volume(unit: np.ndarray, mesh: Draft) -> float:
     vectors = area_vectors(unit, mesh.faces)
-    middles = unit[mesh.faces].mean(axis=1)
+    a, b, c = (unit[mesh.faces[:, corner]] for corner in range(3))
+    middles = (a + b + c) / 3
     areas = norm(vectors)
     total = float(areas.sum())
     centroid = (middles * areas[:, None]).sum(axis=0) / total if total > 0 else middles.mean(axis=0)
@@ -38,8 +39,8 @@ def report(
     size = float((high - low).max()) or 1.0
     unit = (mesh.vertices - low) / size
     areas = norm(area_vectors(unit, mesh.faces))
-    corners = unit[mesh.faces]
-    squares = ((corners - np.roll(corners, -1, axis=1)) ** 2).sum(axis=(1, 2))
+    a, b, c = (unit[mesh.faces[:, corner]] for corner in range(3))
+    squares = dot(a - b, a - b) + dot(b - c, b - c) + dot(c - a, c - a)
     quality = np.divide(4 * np.sqrt(3) * areas, squares, out=np.zeros_like(areas), where=squares > 0)
     edges = mesh.topology.edges
     area, volume = float(areas.sum()), _volume(unit, mesh)

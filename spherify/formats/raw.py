@@ -20,6 +20,7 @@ class RawMesh:
         vertices: (n, 3) float64, in the file's order; finite or not.
         faces: (m, 3) int64 indices; each within 0 … n - 1, which the reader has seen to.
         repairs: what the reader had to do on the way (polygons cut into triangles, say).
+
     """
 
     vertices: Floats
@@ -36,6 +37,7 @@ def fans(lengths: Ints, corners: Ints) -> tuple[Ints, tuple[Repair, ...]]:
 
     Returns:
         (m, 3) triangles in the order of the polygons, and what is to be reported.
+
     """
     starts = np.cumsum(lengths) - lengths
     triangles = np.maximum(lengths - 2, 0)

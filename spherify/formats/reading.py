@@ -13,13 +13,12 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
-import numpy as np
+from numpy.lib.format import open_memmap
 
 from spherify.formats.acceptance import ReadMesh
-from spherify.formats.errors import PROBLEM_CODES, MeshRefusedError
+from spherify.formats.errors import MeshRefusedError, problem_code
 from spherify.formats.limits import MIB, ReadLimits
 from spherify.formats.report import ALLOW, MeshReport, defect_from_dict
-from spherify.geometry.errors import InvalidMeshError
 from spherify.geometry.mesh import TriangleMesh
 
 _log = logging.getLogger(__name__)
@@ -63,6 +62,7 @@ def read_mesh(
         MeshRefusedError: it is no such mesh; the message says what, where, and the cure.
         ValueError: an unknown switch.
         OSError: the file cannot be opened, or no child can be started.
+
     """
     if unknown := set(allow) - set(ALLOW):
         raise ValueError(f"there is no switch {sorted(unknown)[0]!r}; choose from {', '.join(ALLOW)}")
@@ -91,7 +91,7 @@ def _run(request: dict[str, Any], folder: Path, seconds: float, command: tuple[s
     complaints = folder / "stderr"
     with (
         complaints.open("wb") as stderr,
-        subprocess.Popen(
+        subprocess.Popen(  # noqa: S603  # our own module, no shell, nothing of the user's in the command
             command,
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
@@ -128,16 +128,14 @@ def _result(folder: Path) -> ReadMesh:
         report = MeshReport.from_dict(answer["report"]) if answer["report"] is not None else None
         code = answer["code"]
         if code is None and report is not None:
+            # Mapped, not loaded: a header that claims more than the file holds is an error, not an allocation.
             vertices, faces = (
-                np.load(folder / f"{part}.npy", allow_pickle=False) for part in ("vertices", "faces")
+                open_memmap(folder / f"{part}.npy", mode="r") for part in ("vertices", "faces")
             )
             return ReadMesh(TriangleMesh.checked(vertices, faces), report)
-        if code not in PROBLEM_CODES:
-            raise ValueError(f"{code!r} is no problem code")
-        refusal = MeshRefusedError(
-            code, str(answer["detail"]), tuple(map(defect_from_dict, answer["errors"])), report
-        )
-    except (OSError, ValueError, KeyError, TypeError, InvalidMeshError) as error:
+        errors = tuple(map(defect_from_dict, answer["errors"]))
+        refusal = MeshRefusedError(problem_code(code), str(answer["detail"]), errors, report)
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         _log.exception("the mesh reader left no usable answer")
         raise MeshRefusedError("mesh-not-parsable", _DAMAGED) from error
     raise refusal

@@ -22,6 +22,7 @@ class Draft:
         origin: (n,) the place of each vertex in the file.
         repairs: what was mended so far.
         topology: of ``faces``.
+
     """
 
     vertices: Floats

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Final, Literal
 
-from spherify.formats.errors import PROBLEM_CODES, ProblemCode
+from spherify.formats.errors import ProblemCode, problem_code
 
 Switch = Literal["genus", "boundary", "components", "nonmanifold-vertex"]
 ALLOW: Final[tuple[Switch, ...]] = ("genus", "boundary", "components", "nonmanifold-vertex")
@@ -23,6 +23,7 @@ class Location:
         indices: vertices (of an edge, its two ends) by their 0-based place in the file; of a component, its
             first vertex.
         positions: where these vertices lie, in the unit of the file.
+
     """
 
     kind: Literal["vertex", "edge", "component"]
@@ -39,6 +40,7 @@ class Defect:
         detail: one sentence: how many, where the first is, and the cure.
         pointer: JSON pointer to the parameter to blame, None for the file itself.
         locations: the first few places.
+
     """
 
     code: ProblemCode
@@ -81,6 +83,7 @@ class MeshReport:
         allowed: the switches that were on.
         repairs: what was mended.
         defects: what is wrong, allowed or not.
+
     """
 
     format: str
@@ -113,6 +116,7 @@ class MeshReport:
 
         Raises:
             KeyError, TypeError, ValueError: it is no report.
+
         """
         low, high = data["bbox"]
         return cls(
@@ -128,15 +132,13 @@ class MeshReport:
 
 def defect_from_dict(data: Mapping[str, Any]) -> Defect:
     """Rebuild a defect from its JSON form; raises KeyError, TypeError, ValueError."""
-    if data["code"] not in PROBLEM_CODES:
-        raise ValueError(f"{data['code']!r} is no problem code")
     places = tuple(
         Location(place["kind"], tuple(map(int, place["indices"])), tuple(map(_point, place["positions"])))
         for place in data["locations"]
     )
-    return Defect(data["code"], str(data["detail"]), data["pointer"], places)
+    return Defect(problem_code(data["code"]), str(data["detail"]), data["pointer"], places)
 
 
-def _point(values: Any) -> Point:
+def _point(values: Iterable[float]) -> Point:
     x, y, z = map(float, values)
     return x, y, z

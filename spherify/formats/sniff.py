@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from typing import Final
 
 from spherify.formats.errors import UnreadableError
@@ -12,6 +13,7 @@ from spherify.formats.readers.stl import is_binary
 from spherify.formats.text import UTF8_BOM, UTF16_BOMS, shown
 
 _LIST: Final = ", ".join(FORMATS_IN).upper()
+_MODEL_PART: Final = re.compile(rb"\.model", re.IGNORECASE)
 _PLY: Final = re.compile(rb"ply\s")
 _STL: Final = re.compile(rb"solid\b", re.IGNORECASE)
 _COMMENT: Final = re.compile(rb"(?:\s+|#[^\r\n]*)*")
@@ -22,24 +24,29 @@ _OBJ: Final = re.compile(
 
 def content_format(data: bytes) -> str | None:
     """Return the format whose signs the content bears, None if it bears none."""
-    if data.startswith(b"glTF"):
-        return "glb"
-    if data.startswith(b"PK\x03\x04"):
-        return "3mf"  # its reader looks for the model inside
-    text = data.removeprefix(UTF8_BOM)
-    if _PLY.match(text):
-        return "ply"
-    if is_binary(data):
-        return "stl"
-    start = _COMMENT.match(text)
-    at = start.end() if start else 0
-    if OFF_HEADER.match(text, at):
-        return "off"
-    if _STL.match(text, at):
-        return "stl"
-    if _OBJ.match(text, at):
-        return "obj"
-    return None
+    return next((mesh_format for mesh_format, sign in _SIGNS if sign(data)), None)
+
+
+def _begins(pattern: re.Pattern[bytes]) -> Callable[[bytes], bool]:
+    """Return a test whether a text begins with a pattern, comments and blank lines put aside."""
+
+    def test(data: bytes) -> bool:
+        start = _COMMENT.match(data, len(UTF8_BOM) if data.startswith(UTF8_BOM) else 0)
+        return start is not None and pattern.match(data, start.end()) is not None
+
+    return test
+
+
+_SIGNS: Final[tuple[tuple[str, Callable[[bytes], bool]], ...]] = (
+    ("glb", lambda data: data.startswith(b"glTF")),
+    # The names of the parts stand unpacked in the archive's directory.
+    ("3mf", lambda data: data.startswith(b"PK\x03\x04") and _MODEL_PART.search(data) is not None),
+    ("ply", lambda data: _PLY.match(data.removeprefix(UTF8_BOM)) is not None),
+    ("stl", is_binary),  # before the texts: a binary STL may begin with any word
+    ("off", _begins(OFF_HEADER)),
+    ("stl", _begins(_STL)),
+    ("obj", _begins(_OBJ)),
+)
 
 
 def agreed_format(data: bytes, name: str) -> str:
@@ -51,6 +58,7 @@ def agreed_format(data: bytes, name: str) -> str:
         UnreadableError: ``unsupported-mesh-format`` if the content bears the signs of no format and the name does
             not help, or of another format than the name says; ``mesh-not-parsable`` if the name says what it is
             and the content is nothing we know.
+
     """
     if not data:
         raise UnreadableError("The file is empty. Export or upload it again.")

@@ -8,8 +8,10 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from spherify.formats.errors import UnreadableError
 from spherify.geometry.mesh import Floats, Ints
@@ -57,11 +59,11 @@ def integers(text: bytes, expected: int) -> Ints | None:
     return _parsed(text, expected, int)
 
 
-def _parsed(text: bytes, expected: int, kind: type) -> np.ndarray | None:
+def _parsed(text: bytes, expected: int, kind: type) -> NDArray[Any] | None:
     if not expected:
         return np.empty(0, kind) if not text.strip() else None
     try:
-        values = np.fromstring(text, dtype=kind, sep=" ")  # type: ignore[call-overload]  # bytes are fine
+        values: NDArray[Any] = np.fromstring(text, dtype=kind, sep=" ")
     except ValueError:
         return None
     return values if len(values) == expected else None
@@ -73,6 +75,7 @@ def coordinates(rows: Sequence[bytes], line_numbers: Sequence[int], least: int =
     Raises:
         UnreadableError: a row with fewer than ``least`` words, a word that is no number, or a number that is not
             finite; names the line.
+
     """
     words = [row.split() for row in rows]
     widths = set(map(len, words))

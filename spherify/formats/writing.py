@@ -44,6 +44,7 @@ def write_mesh(
 
     Raises:
         InvalidExportError: an unknown format or precision, or ASCII of GLB.
+
     """
     if mesh_format not in _WRITERS:
         raise InvalidExportError(

@@ -8,7 +8,7 @@ from spherify.formats import text
 from spherify.formats.errors import UnreadableError
 from spherify.formats.limits import ReadLimits
 from spherify.formats.raw import RawMesh, check_counts, fans
-from spherify.formats.readers.ply_header import Element, parse_header
+from spherify.formats.readers.ply_header import Element, Header, parse_header
 from spherify.formats.readers.ply_rows import BinaryRows, Rows, TextRows, check_size
 from spherify.formats.report import Repair
 from spherify.geometry.mesh import Floats, Ints
@@ -22,11 +22,7 @@ def read_ply(data: bytes, limits: ReadLimits) -> RawMesh:
     data = data.removeprefix(text.UTF8_BOM)
     header = parse_header(data)
     check_size(header, len(data))
-    rows: Rows
-    if header.encoding == "ascii":
-        rows = TextRows.of(data, header)
-    else:
-        rows = BinaryRows(data, header.encoding, header.size)
+    rows = _rows(data, header)
     vertices: Floats = np.empty((0, 3))
     faces: list[Ints] = []
     repairs: tuple[Repair, ...] = ()
@@ -56,6 +52,12 @@ def read_ply(data: bytes, limits: ReadLimits) -> RawMesh:
             "The file is damaged: export it again."
         )
     return RawMesh(vertices, triangles, repairs)
+
+
+def _rows(data: bytes, header: Header) -> Rows:
+    if header.encoding == "ascii":
+        return TextRows.of(data, header)
+    return BinaryRows(data, header.encoding, header.size)
 
 
 def _vertices(rows: Rows, element: Element) -> Floats:
@@ -88,4 +90,5 @@ def _strips(lengths: Ints, items: Ints) -> Ints:
     odd = (third - begin[third]) % 2 == 1
     triangles = np.stack([np.where(odd, b, a), np.where(odd, a, b), c], axis=1)
     stitch = (a == b) | (b == c) | (c == a)  # they turn a strip round a corner and have no area
-    return triangles[~stitch]
+    proper: Ints = triangles[~stitch]
+    return proper

@@ -19,7 +19,7 @@ _ARRAY, _ELEMENT_ARRAY = 34962, 34963  # bufferView.target
 _TRIANGLES = 4  # primitive.mode
 
 
-def glb(mesh: TriangleMesh, precision: Literal["double", "float"]) -> bytes:  # noqa: ARG001  # float32 always
+def glb(mesh: TriangleMesh, precision: Literal["double", "float"]) -> bytes:  # float32 always
     """Return GLB with the true bounds of the positions as they were rounded."""
     positions = mesh.vertices.astype("<f4")
     indices = mesh.faces.astype("<u4")

@@ -15,7 +15,7 @@ _HEADER = b"Spherify, binary STL".ljust(80)  # must not begin with "solid"
 _FACET = "facet normal %.9g %.9g %.9g\nouter loop\n" + 3 * "vertex %.9g %.9g %.9g\n" + "endloop\nendfacet\n"
 
 
-def stl_binary(mesh: TriangleMesh, precision: Literal["double", "float"]) -> bytes:  # noqa: ARG001  # float32 always
+def stl_binary(mesh: TriangleMesh, precision: Literal["double", "float"]) -> bytes:  # float32 always
     """Return binary STL; the normal of a triangle without area is 0."""
     triangles = np.zeros(len(mesh.faces), TRIANGLE)
     triangles["normal"] = face_normals(mesh.vertices, mesh.faces)
@@ -23,7 +23,7 @@ def stl_binary(mesh: TriangleMesh, precision: Literal["double", "float"]) -> byt
     return b"".join([_HEADER, len(mesh.faces).to_bytes(4, "little"), triangles.tobytes()])
 
 
-def stl_ascii(mesh: TriangleMesh, precision: Literal["double", "float"]) -> bytes:  # noqa: ARG001  # float32 always
+def stl_ascii(mesh: TriangleMesh, precision: Literal["double", "float"]) -> bytes:  # float32 always
     """Return ASCII STL with the digits of float32."""
     corners = mesh.vertices[mesh.faces].reshape(-1, 9)
     facets = np.concatenate([face_normals(mesh.vertices, mesh.faces), corners], axis=1).astype(np.float32)
