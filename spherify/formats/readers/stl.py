@@ -22,7 +22,8 @@ def claimed_triangles(data: bytes) -> int:
 
 def is_binary(data: bytes) -> bool:
     """Whether the size is the one a binary STL with this header has: the only sure sign there is."""
-    return HEADER_BYTES + claimed_triangles(data) * TRIANGLE.itemsize == len(data)
+    claimed = claimed_triangles(data)
+    return claimed >= 0 and HEADER_BYTES + claimed * TRIANGLE.itemsize == len(data)
 
 
 def read_stl(data: bytes, limits: ReadLimits) -> RawMesh:
