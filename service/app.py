@@ -1,0 +1,87 @@
+"""The composition root of the HTTP service: `uvicorn --factory service.app:create_app`."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from typing import Any
+
+from anyio import to_thread
+from fastapi import FastAPI
+from fastapi.routing import iter_route_contexts
+from starlette.middleware import Middleware
+from starlette.routing import compile_path
+
+from service.answers import add_handlers
+from service.context import Services, Stores
+from service.middleware import EXPOSED, REQUEST_ID, Cors, ErrorGuard, RequestContext
+from service.openapi import DESCRIPTION, TAGS, describe
+from service.routes import jobs, meshes, pages, service, snapshots
+from spherify import __version__
+from spherify.settings import Settings
+from spherify.stores.connect import open_stores
+
+
+def create_app(settings: Settings | None = None, stores: Stores | None = None) -> FastAPI:
+    """Build the service.
+
+    Args:
+        settings: read from the environment by default.
+        stores: opened as the settings say by default; they are closed when the service stops.
+
+    """
+    settings = settings or Settings()
+    stores = stores or open_stores(settings)
+
+    @asynccontextmanager
+    async def lifespan(_: FastAPI) -> AsyncIterator[None]:
+        yield
+        await to_thread.run_sync(stores.close)
+
+    app = FastAPI(
+        title="Spherify",
+        version=__version__,
+        summary="Morphs triangle meshes into spheres by the curvature transformation.",
+        description=DESCRIPTION,
+        openapi_tags=TAGS,
+        docs_url=None,  # the usual pages load from other hosts; ours is in routes/pages.py
+        redoc_url=None,
+        openapi_url=None,
+        redirect_slashes=False,
+        lifespan=lifespan,
+        middleware=_middleware(settings),
+    )
+    app.state.services = Services.of(settings, stores)
+    for part in (jobs, snapshots, meshes, service, pages):
+        app.include_router(part.router)
+    app.state.methods_at = _methods_at(app)
+    add_handlers(app)
+    app.openapi = lambda: describe(app)  # type: ignore[method-assign] # FastAPI's documented way
+    return app
+
+
+def _middleware(settings: Settings) -> list[Middleware]:
+    """Outermost first: the identifier is on every answer, CORS on every failure but its own."""
+    cors = Middleware(
+        Cors,
+        allow_origins=settings.cors_origins,
+        allow_methods=["GET", "HEAD", "POST", "PUT", "DELETE"],
+        allow_headers=["Content-Type", "If-None-Match", "If-Range", "Range", REQUEST_ID],
+        expose_headers=EXPOSED,
+    )
+    guard = Middleware(ErrorGuard)
+    return [Middleware(RequestContext), guard, *([cors, guard] if settings.cors_origins else [])]
+
+
+def _methods_at(app: FastAPI) -> Callable[[str], set[str]]:
+    """Return what tells the methods known at a path."""
+    table: list[tuple[Any, set[str]]] = [
+        (compile_path(context.path)[0], set(context.methods or ()))
+        for context in iter_route_contexts(app.routes)
+        if context.path is not None
+    ]
+
+    def methods_at(path: str) -> set[str]:
+        return set().union(*(methods for pattern, methods in table if pattern.match(path)))
+
+    return methods_at

@@ -1,0 +1,144 @@
+"""Answers with a content: entity tags, 304, ranges, HEAD and file names (RFC 9110)."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from http import HTTPStatus
+from typing import BinaryIO, Final
+from urllib.parse import quote
+
+from pydantic import BaseModel
+from starlette.requests import Request
+from starlette.responses import Response, StreamingResponse
+
+from service.problems import ProblemError
+from spherify.formats.names import safe_name
+
+IMMUTABLE: Final = "private, max-age=31536000, immutable"
+REVALIDATE: Final = "private, no-cache"
+_PIECE: Final = 256 * 1024
+_RANGE: Final = re.compile(r"bytes=(\d{0,18})-(\d{0,18})")
+
+
+@dataclass(frozen=True, slots=True)
+class Content:
+    """Something to download.
+
+    Attributes:
+        size: bytes.
+        etag: strong, with its quotes: equal for equal bytes, on every replica.
+        open: opens it for reading, seekable; called only when bytes are to be sent.
+
+    """
+
+    size: int
+    etag: str
+    media_type: str
+    filename: str
+    cache_control: str
+    open: Callable[[], BinaryIO]
+
+
+def strong_etag(*parts: object) -> str:
+    """Return a strong entity tag made of whatever determines the bytes."""
+    return f'"{hashlib.sha256(repr(parts).encode()).hexdigest()[:32]}"'
+
+
+def matches(request: Request, etag: str) -> bool:
+    """Whether `If-None-Match` names this tag, compared weakly."""
+    wanted = request.headers.get("if-none-match")
+    if wanted is None:
+        return False
+    bare = etag.removeprefix("W/")
+    return wanted.strip() == "*" or bare in {
+        tag.strip().removeprefix("W/") for tag in re.findall(r'(?:W/)?"[^"]*"', wanted)
+    }
+
+
+def not_modified(etag: str, cache_control: str, vary: str | None = None) -> Response:
+    """Return 304."""
+    headers = {"ETag": etag, "Cache-Control": cache_control} | ({"Vary": vary} if vary else {})
+    return Response(status_code=HTTPStatus.NOT_MODIFIED, headers=headers)
+
+
+def json_answer(
+    request: Request,
+    answer: BaseModel,
+    *,
+    status: HTTPStatus = HTTPStatus.OK,
+    etag: str | None = None,
+    cache_control: str = REVALIDATE,
+    headers: dict[str, str] | None = None,
+) -> Response:
+    """Return a model as JSON; 304 when it is a GET and the client has it."""
+    data = answer.model_dump_json().encode()
+    tag = etag or f'W/"{hashlib.sha256(data).hexdigest()[:24]}"'
+    common = {"ETag": tag, "Cache-Control": cache_control, **(headers or {})}
+    if request.method == "GET" and matches(request, tag):
+        return Response(status_code=HTTPStatus.NOT_MODIFIED, headers=common)
+    return Response(data, status, common, "application/json")
+
+
+def deliver(request: Request, content: Content, vary: str | None = None) -> Response:
+    """Return a content, a range of it, or 304; raises `range-not-satisfiable`."""
+    if matches(request, content.etag):
+        return not_modified(content.etag, content.cache_control, vary)
+    start, end = (0, content.size) if request.scope.get("head") else _range(request, content)
+    headers = {
+        "ETag": content.etag,
+        "Cache-Control": content.cache_control,
+        "Accept-Ranges": "bytes",
+        "Content-Length": str(end - start),
+        "Content-Disposition": disposition(content.filename),
+    }
+    if vary:
+        headers["Vary"] = vary
+    status = HTTPStatus.OK
+    if end - start < content.size:
+        status = HTTPStatus.PARTIAL_CONTENT
+        headers["Content-Range"] = f"bytes {start}-{end - 1}/{content.size}"
+    media_type = content.media_type
+    if request.scope.get("head"):  # no body is sent: do not open what may be large
+        return Response(status_code=status, headers=headers, media_type=media_type)
+    return StreamingResponse(_pieces(content.open(), start, end), status, headers, media_type)
+
+
+def disposition(filename: str) -> str:
+    """Return a Content-Disposition that old and new clients read, whatever is in the name (RFC 6266)."""
+    name = safe_name(filename)
+    ascii_name = name.encode("ascii", "replace").decode().replace("?", "_")
+    extended = f"; filename*=UTF-8''{quote(name, safe='')}" if ascii_name != name else ""
+    return f'attachment; filename="{ascii_name}"{extended}'
+
+
+def _range(request: Request, content: Content) -> tuple[int, int]:
+    """Return the first byte and the one after the last; several ranges, and what is no range, mean all."""
+    whole = (0, content.size)
+    asked = _RANGE.fullmatch(request.headers.get("range", "").strip())
+    if_range = request.headers.get("if-range")
+    if asked is None or asked[0] == "bytes=-" or (if_range is not None and if_range.strip() != content.etag):
+        return whole
+    first, last = asked[1], asked[2]
+    if first and last and int(last) < int(first):
+        return whole
+    start = int(first) if first else max(content.size - int(last), 0)
+    end = min(int(last) + 1, content.size) if first and last else content.size
+    if start >= content.size or (not first and int(last) == 0):
+        raise ProblemError(
+            "range-not-satisfiable",
+            f"the content has {content.size} bytes",
+            headers={"Content-Range": f"bytes */{content.size}"},
+        )
+    return start, end
+
+
+def _pieces(file: BinaryIO, start: int, end: int) -> Iterator[bytes]:
+    with file:
+        file.seek(start)
+        left = end - start
+        while left > 0 and (piece := file.read(min(_PIECE, left))):
+            left -= len(piece)
+            yield piece

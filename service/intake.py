@@ -1,0 +1,103 @@
+"""From an uploaded file to an accepted mesh: read in a child process, judged, stored once, then recorded."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import time
+from collections.abc import Collection
+from contextlib import suppress
+from typing import TYPE_CHECKING, Final
+
+from anyio import CapacityLimiter, to_thread
+
+from service.problems import ProblemError
+from spherify.formats import ReadLimits, read_mesh
+from spherify.formats.names import safe_name
+from spherify.jobs import layout
+from spherify.jobs.codec import dump_record, load_mesh_record
+from spherify.jobs.errors import BlobExistsError, MeshNotFoundError, StoreUnavailableError
+from spherify.jobs.model import MeshRecord
+from spherify.stores.arrays import dump_arrays
+
+if TYPE_CHECKING:
+    from service.uploads import Upload
+    from spherify.jobs.ports import BlobStore, MeshStore
+    from spherify.settings import Settings
+
+READINGS: Final = 2  # at once: each may take gigabytes for seconds
+WAITING: Final = 64  # uploads that may wait for a reading; more are told to come back
+_CROCKFORD: Final = str.maketrans("ABCDEFGHIJKLMNOPQRSTUVWXYZ234567", "0123456789ABCDEFGHJKMNPQRSTVWXYZ")
+
+
+def mesh_id(sha256: str, allow: Collection[str]) -> str:
+    """Return the identifier of these bytes read with these switches: 26 base-32 digits of their hash."""
+    digest = hashlib.sha256("\n".join([sha256, *sorted(set(allow))]).encode()).digest()
+    return "mesh_" + base64.b32encode(digest).decode()[:26].translate(_CROCKFORD)
+
+
+class Intake:
+    """The way in for meshes; a few are read at a time, whatever the number of uploads."""
+
+    def __init__(self, meshes: MeshStore, blobs: BlobStore, settings: Settings) -> None:
+        self._meshes = meshes
+        self._blobs = blobs
+        self._limits = ReadLimits(max_vertices=settings.max_vertices, max_faces=settings.max_faces)
+        self._readings = CapacityLimiter(READINGS)
+
+    async def accept(self, upload: Upload, allow: Collection[str]) -> tuple[MeshRecord, bool]:
+        """Return the record of an uploaded mesh, and whether it is new.
+
+        Raises:
+            MeshRefusedError: it is no mesh that can be morphed.
+            ProblemError: rate-limited.
+            StorageFullError, StoreUnavailableError: it could not be kept.
+
+        """
+        known = await to_thread.run_sync(self._known, mesh_id(upload.sha256, allow))
+        if known is not None:
+            return known, False
+        if self._readings.statistics().tasks_waiting >= WAITING:
+            raise ProblemError("rate-limited", f"{WAITING} meshes wait to be read already")
+        return await to_thread.run_sync(self._read, upload, frozenset(allow), limiter=self._readings)
+
+    def _known(self, identifier: str) -> MeshRecord | None:
+        try:
+            return self._meshes.get(identifier)
+        except MeshNotFoundError:
+            return None
+
+    def _read(self, upload: Upload, allow: frozenset[str]) -> tuple[MeshRecord, bool]:
+        read = read_mesh(upload.path, upload.name, allow=allow, limits=self._limits)
+        record = MeshRecord(
+            id=mesh_id(upload.sha256, allow),
+            name=safe_name(upload.name),
+            sha256=upload.sha256,
+            size=upload.size,
+            format=read.report.format,
+            allow=tuple(sorted(allow)),
+            report=read.report.as_dict(),
+            created_at=time.time(),
+        )
+        arrays = {"vertices": read.mesh.vertices, "faces": read.mesh.faces}
+        return self._keep(record, dump_arrays(arrays), upload)
+
+    def _keep(self, record: MeshRecord, arrays: bytes, upload: Upload) -> tuple[MeshRecord, bool]:
+        """Write the files, the record's last, then record it; what another upload wrote already stays."""
+        with suppress(BlobExistsError):  # by the same bytes, a moment earlier
+            self._blobs.adopt(layout.mesh_original(record.id, record.format), upload.path)
+        with suppress(BlobExistsError):
+            self._blobs.create(layout.mesh_arrays(record.id), arrays)
+        with suppress(BlobExistsError):
+            self._blobs.create(layout.mesh_record(record.id), dump_record(record).encode())
+        kept = load_mesh_record(self._blobs.read(layout.mesh_record(record.id)))
+        new = self._meshes.add(kept)
+        files = (
+            layout.mesh_original(kept.id, kept.format),
+            layout.mesh_arrays(kept.id),
+            layout.mesh_record(kept.id),
+        )
+        for key in files:
+            if self._blobs.stat(key) is None:  # the same mesh was being deleted
+                raise StoreUnavailableError("this mesh was deleted at the same moment: send it again")
+        return kept, new

@@ -1,0 +1,120 @@
+"""Around every request: its identifier, its log line, HEAD, and the guard that makes a document of any failure."""
+
+from __future__ import annotations
+
+import logging
+import re
+import time
+from http import HTTPStatus
+from typing import Final
+
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.middleware.cors import CORSMiddleware
+from starlette.requests import Request
+from starlette.responses import Response
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from ulid import ULID
+
+from service.answers import problem_answer
+from service.problems import ProblemError, problem_of, problem_of_status
+
+REQUEST_ID: Final = "X-Request-ID"
+EXPOSED: Final = (
+    "Location",
+    "ETag",
+    "Link",
+    "Retry-After",
+    "Content-Disposition",
+    "Content-Range",
+    "Accept-Ranges",
+    "Allow",
+    REQUEST_ID,
+)
+_ID: Final = re.compile(r"[A-Za-z0-9._-]{1,64}")
+access_log = logging.getLogger("service.access")
+error_log = logging.getLogger("service.error")
+
+
+class RequestContext:
+    """Gives every request an identifier and a log line; HEAD is GET without its body (RFC 9110, 9.3.2)."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Handle one request."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        given = Headers(scope=scope).get(REQUEST_ID, "")
+        request_id = given if _ID.fullmatch(given) else f"req_{ULID()}"
+        head = scope["method"] == "HEAD"
+        inner = {**scope, "method": "GET", "head": True} if head else dict(scope)
+        inner["state"] = {**scope.get("state", {}), "request_id": request_id}
+        began = time.perf_counter()
+        status = 0
+
+        async def answer(message: Message) -> None:
+            nonlocal status
+            if message["type"] == "http.response.start":
+                status = message["status"]
+                MutableHeaders(scope=message)[REQUEST_ID] = request_id
+            elif head and message["type"] == "http.response.body":
+                message = {**message, "body": b""}
+            await send(message)
+
+        try:
+            await self._app(inner, receive, answer)
+        finally:
+            access_log.info(
+                "request_id=%s method=%s path=%s status=%d ms=%.1f",
+                request_id,
+                scope["method"],
+                scope.get("raw_path", b"").decode("latin-1"),
+                status,
+                (time.perf_counter() - began) * 1000,
+            )
+
+
+class ErrorGuard:
+    """Makes a problem document of whatever escapes the application, middleware included."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Handle one request."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        started = False
+
+        async def watch(message: Message) -> None:
+            nonlocal started
+            started = started or message["type"] == "http.response.start"
+            await send(message)
+
+        try:
+            await self._app(scope, receive, watch)
+        except Exception as e:  # the last resort: everything is answered and logged here
+            if started:
+                raise  # the status is out: the connection must break, or half an answer passes for a whole one
+            problem = problem_of(e)
+            if problem is None:
+                request_id = scope["state"]["request_id"]
+                error_log.exception("request_id=%s path=%r", request_id, scope["path"])
+                problem = ProblemError("internal-error", "the request could not be completed")
+            await problem_answer(Request(scope), problem)(scope, receive, send)
+
+
+class Cors(CORSMiddleware):
+    """CORS whose refusals are problem documents too."""
+
+    def preflight_response(self, request_headers: Headers) -> Response:
+        """Answer a preflight."""
+        response = super().preflight_response(request_headers)
+        if response.status_code == HTTPStatus.OK:
+            return response
+        detail = bytes(response.body).decode()
+        headers = {name: value for name, value in response.headers.items() if not name.startswith("content-")}
+        raise problem_of_status(response.status_code, detail, headers)

@@ -1,0 +1,215 @@
+"""/v1/jobs."""
+
+from __future__ import annotations
+
+import logging
+from datetime import UTC, datetime
+from http import HTTPStatus
+from typing import Annotated
+
+from anyio import to_thread
+from fastapi import APIRouter, Query, Request, Response
+
+from service import documentation as doc
+from service.context import Context, Services
+from service.delivery import json_answer
+from service.forms import multipart
+from service.identifiers import JobId
+from service.paging import DEFAULT_LIMIT, Cursor, Limit, link_header, links
+from service.problems import ProblemError, invalid
+from service.requests import TAG, JobPlan, JobRequest, parse_allow, parse_form, parse_json, plan
+from service.schemas import JobOut, PageOut, job_out
+from service.snapshots import retry_after_s
+from service.uploads import small_body
+from spherify.jobs.cancel import cancel
+from spherify.jobs.delete import delete_job
+from spherify.jobs.errors import MeshNotFoundError
+from spherify.jobs.model import Job, JobStatus, MeshRecord
+from spherify.jobs.ports import CancelOutcome
+from spherify.jobs.submit import submit
+
+router = APIRouter(prefix="/v1/jobs", tags=["Jobs"])
+log = logging.getLogger(__name__)
+MAX_JSON_BYTES = 1024 * 1024
+NO_MESH = "mesh_of_this_form"  # stands in for the id until the file has been read
+
+
+def _answer(request: Request, job: Job, status: HTTPStatus = HTTPStatus.OK) -> Response:
+    position = "" if job.queue_position is None else f".{job.queue_position}"  # moves without a revision
+    headers = {} if job.status.done else {"Retry-After": str(retry_after_s(job))}
+    if status == HTTPStatus.CREATED:
+        headers["Location"] = f"/v1/jobs/{job.id}"
+    return json_answer(request, job_out(job), status=status, etag=f'W/"{job.rev}{position}"', headers=headers)
+
+
+def _submit(services: Services, planned: JobPlan, mesh: MeshRecord, name: str | None = None) -> Job:
+    stores = services.stores
+    job = submit(stores.jobs, stores.blobs, stores.queue, planned.spec(mesh, name))
+    log.info("action=submit job_id=%s mesh_id=%s", job.id, mesh.id)
+    return job
+
+
+def _submit_known(services: Services, job: JobRequest, pointer: str) -> Job:
+    planned = plan(job, services.settings)
+    try:
+        mesh = services.stores.meshes.get(job.mesh_id)
+    except MeshNotFoundError as e:
+        raise invalid(pointer, "unknown", str(e)) from e
+    return _submit(services, planned, mesh)
+
+
+@router.post(
+    "",
+    operation_id="createJob",
+    summary="Morph a mesh",
+    status_code=HTTPStatus.CREATED,
+    response_model=JobOut,
+    responses={
+        HTTPStatus.CREATED: {"headers": doc.LOCATION | doc.RETRY_AFTER},
+        **doc.problems(
+            "malformed-multipart",
+            "malformed-json",
+            "unsupported-media-type",
+            "invalid-parameters",
+            *doc.UPLOAD,
+            *doc.STORES,
+        ),
+    },
+    response_description="The job is recorded: it will be done, whatever happens to this service meanwhile.",
+    openapi_extra=doc.job_form(),
+)
+async def create_job(request: Request, context: Context) -> Response:
+    """Upload a mesh and have it morphed in one go, or name a mesh that is known already.
+
+    As a form: `curl -F file=@bunny.obj -F iterations=5000 -F snapshots=100,500,1000 …/v1/jobs`; every parameter can
+    be a field of its own (`-F step=0.02`), or all in `parameters` as JSON. As JSON: the same names, with `mesh_id`.
+    The answer is the whole job; follow `links.self` until `done`.
+    """
+    kind = request.headers.get("content-type", "").split(";")[0].strip().lower()
+    if kind == "application/json":
+        text = await small_body(request, MAX_JSON_BYTES, context.settings.upload_timeout_s)
+        job = await to_thread.run_sync(_submit_known, context, parse_json(text), "#/mesh_id")
+    elif kind == "multipart/form-data":
+        job = await _from_form(request, context)
+    else:
+        raise ProblemError(
+            "unsupported-media-type", f"send multipart/form-data or application/json, not {kind!r}"
+        )
+    return _answer(request, job, HTTPStatus.CREATED)
+
+
+async def _from_form(request: Request, services: Services) -> Job:
+    async with multipart(request, services.stores.blobs, services.settings) as form:
+        if form.file is None:
+            asked = parse_form(form.fields, None)
+            return await to_thread.run_sync(_submit_known, services, asked, "form/mesh_id")
+        planned = plan(parse_form(form.fields, NO_MESH), services.settings)
+        allow = parse_allow(form.fields.get("allow", ()), "form/allow")
+        mesh, _ = await services.intake.accept(form.file, allow)
+        return await to_thread.run_sync(_submit, services, planned, mesh, form.file.name)
+
+
+@router.get(
+    "",
+    operation_id="listJobs",
+    summary="List jobs, newest first",
+    response_model=PageOut[JobOut],
+    responses={HTTPStatus.OK: {"headers": doc.LINK}, **doc.problems("invalid-parameters", *doc.STORES)},
+)
+def list_jobs(
+    *,
+    request: Request,
+    context: Context,
+    status: Annotated[JobStatus | None, Query(description="Only jobs in this state.")] = None,
+    tag: Annotated[str | None, Query(pattern=TAG, description="Only jobs with this tag.")] = None,
+    mesh_id: Annotated[
+        str | None, Query(min_length=1, max_length=64, description="Only jobs on this mesh.")
+    ] = None,
+    created_after: Annotated[
+        datetime | None,
+        Query(description="Only jobs made after this time (RFC 3339; UTC unless it says otherwise)."),
+    ] = None,
+    limit: Limit = DEFAULT_LIMIT,
+    cursor: Cursor = None,
+) -> Response:
+    """Return a slice of the jobs that fit all filters; follow `Link: <…>; rel="next"` or `next_cursor` for more."""
+    page = context.stores.jobs.find(
+        status=status,
+        tag=tag,
+        mesh_id=mesh_id,
+        created_after=_seconds(created_after),
+        limit=limit,
+        cursor=cursor,
+    )
+    found = links(request, page.next_cursor)
+    items = [job_out(job) for job in page.items]
+    answer = PageOut[JobOut](items=items, next_cursor=page.next_cursor, links=found)
+    return json_answer(request, answer, headers=link_header(found))
+
+
+@router.get(
+    "/{job_id}",
+    operation_id="getJob",
+    summary="Look at a job",
+    response_model=JobOut,
+    responses={
+        HTTPStatus.OK: {"headers": doc.ETAG | doc.RETRY_AFTER},
+        HTTPStatus.NOT_MODIFIED: {
+            "description": "Nothing has changed (`If-None-Match`).",
+            "headers": doc.ETAG,
+        },
+        **doc.problems("not-found", "gone", *doc.STORES),
+    },
+)
+def get_job(request: Request, context: Context, job_id: JobId) -> Response:
+    """Return the job as it is now. Ask again after `Retry-After` seconds, with the ETag as `If-None-Match`."""
+    return _answer(request, context.stores.jobs.get(job_id))
+
+
+@router.post(
+    "/{job_id}/cancel",
+    operation_id="cancelJob",
+    summary="Cancel a job",
+    response_model=JobOut,
+    responses={
+        HTTPStatus.OK: {"description": "The job was waiting, or was cancelled before: it is cancelled."},
+        HTTPStatus.ACCEPTED: {
+            "description": "A worker has been told; the job ends within seconds.",
+            "model": JobOut,
+            "headers": doc.RETRY_AFTER,
+        },
+        **doc.problems("not-found", "gone", "job-already-finished", *doc.STORES),
+    },
+)
+def cancel_job(request: Request, context: Context, job_id: JobId) -> Response:
+    """Ask for the end of a job. The snapshots kept so far stay."""
+    outcome = cancel(context.stores.jobs, context.stores.blobs, job_id)
+    job = context.stores.jobs.get(job_id)  # also tells an unknown job from a deleted one
+    log.info("action=cancel job_id=%s outcome=%s", job_id, outcome)
+    if outcome is CancelOutcome.FINISHED:
+        raise ProblemError(
+            "job-already-finished", f"{job_id} ended as {job.status} before it could be cancelled"
+        )
+    return _answer(
+        request, job, HTTPStatus.ACCEPTED if outcome is CancelOutcome.CANCELLING else HTTPStatus.OK
+    )
+
+
+@router.delete(
+    "/{job_id}",
+    operation_id="deleteJob",
+    summary="Delete a finished job",
+    status_code=HTTPStatus.NO_CONTENT,
+    responses=doc.problems("not-found", "gone", "job-not-finished", *doc.STORES),
+)
+def remove_job(context: Context, job_id: JobId) -> Response:
+    """Delete a finished job, its snapshots and figures; its address answers 410 from then on."""
+    delete_job(context.stores.jobs, context.stores.blobs, job_id)
+    log.info("action=delete job_id=%s", job_id)
+    return Response(status_code=HTTPStatus.NO_CONTENT)
+
+
+def _seconds(time: datetime | None) -> float | None:
+    if time is None:
+        return None
+    return (time if time.tzinfo is not None else time.replace(tzinfo=UTC)).timestamp()

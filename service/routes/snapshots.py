@@ -1,0 +1,175 @@
+"""/v1/jobs/{job_id}/snapshots and /v1/jobs/{job_id}/metrics."""
+
+from __future__ import annotations
+
+import csv
+import io
+from http import HTTPStatus
+
+from anyio import to_thread
+from fastapi import APIRouter, Request, Response
+
+from service import documentation as doc
+from service.context import Context
+from service.conversion import Ascii, Form, Precision, converted_snapshot
+from service.delivery import REVALIDATE, Content, deliver, json_answer, strong_etag
+from service.identifiers import JobId, MeshFormat, Which
+from service.schemas import (
+    MetricsOut,
+    RowOut,
+    SnapshotOut,
+    SnapshotsOut,
+    metrics_out,
+    snapshot_out,
+    snapshots_out,
+)
+from service.snapshots import find, negotiate, retry_after_s
+from spherify.formats import FORMATS_OUT, safe_stem
+
+router = APIRouter(prefix="/v1/jobs/{job_id}", tags=["Snapshots"])
+VARY = "Accept"
+
+
+@router.get(
+    "/snapshots",
+    operation_id="listSnapshots",
+    summary="List the kept states of a job",
+    response_model=SnapshotsOut,
+    responses={
+        HTTPStatus.OK: {"headers": doc.ETAG | doc.RETRY_AFTER},
+        **doc.problems("not-found", "gone", *doc.STORES),
+    },
+)
+def list_snapshots(request: Request, context: Context, job_id: JobId) -> Response:
+    """Return what is kept so far, ascending, each with its figures and links; also while the job runs."""
+    job = context.stores.jobs.get(job_id)
+    headers = {} if job.status.done else {"Retry-After": str(retry_after_s(job))}
+    return json_answer(request, snapshots_out(job), headers=headers)
+
+
+@router.get(
+    "/snapshots/{which}.{format}",
+    operation_id="downloadSnapshot",
+    summary="Download a kept state as a mesh",
+    response_class=Response,
+    responses=doc.mesh_answer("The mesh at that iteration.")
+    | doc.problems(
+        "not-found", "result-not-ready", "gone", "range-not-satisfiable", "invalid-parameters", *doc.STORES
+    ),
+)
+async def download_snapshot(
+    *,
+    request: Request,
+    context: Context,
+    job_id: JobId,
+    which: Which,
+    format: MeshFormat,  # noqa: A002 (its name in the address)
+    precision: Precision = "double",
+    ascii: Ascii = False,  # noqa: A002 (its name in the address)
+) -> Response:
+    """Return the state as a file, also while the job runs: `curl -OJ …/snapshots/latest.ply`.
+
+    Vertices and triangles keep their order from one snapshot to the next. A state that was asked for and is not
+    reached yet is 404 `result-not-ready` with `Retry-After`.
+    """
+    job = await to_thread.run_sync(context.stores.jobs.get, job_id)
+    return await converted_snapshot(request, context, job, find(job, which), Form(format, precision, ascii))
+
+
+@router.get(
+    "/snapshots/{which}",
+    operation_id="getSnapshot",
+    summary="Look at a kept state, or download it by Accept",
+    response_model=SnapshotOut,
+    responses={
+        HTTPStatus.OK: {
+            "content": doc.contents(*(f for f in FORMATS_OUT if f != "off")),
+            "headers": doc.FILE,
+        },
+        HTTPStatus.PARTIAL_CONTENT: {
+            "description": "The range of the mesh that was asked for.",
+            "content": doc.contents(*(f for f in FORMATS_OUT if f != "off")),
+        },
+        HTTPStatus.NOT_MODIFIED: {
+            "description": "The client has it already (`If-None-Match`).",
+            "headers": doc.ETAG,
+        },
+        **doc.problems(
+            "not-found",
+            "result-not-ready",
+            "gone",
+            "not-acceptable",
+            "range-not-satisfiable",
+            "invalid-parameters",
+            *doc.STORES,
+        ),
+    },
+)
+async def get_snapshot(
+    *,
+    request: Request,
+    context: Context,
+    job_id: JobId,
+    which: Which,
+    precision: Precision = "double",
+    ascii: Ascii = False,  # noqa: A002 (its name in the address)
+) -> Response:
+    """Return the figures of a state as JSON, or the mesh if `Accept` names the media type of one."""
+    form = negotiate(request.headers.get("accept"))
+    job = await to_thread.run_sync(context.stores.jobs.get, job_id)
+    found = find(job, which)
+    if form is None:
+        answer = json_answer(request, snapshot_out(job_id, found[0]), cache_control=found[1])
+    else:
+        answer = await converted_snapshot(request, context, job, found, Form(form, precision, ascii))
+    answer.headers["Vary"] = VARY
+    return answer
+
+
+@router.get(
+    "/metrics",
+    operation_id="getMetrics",
+    summary="The time series of a job",
+    tags=["Metrics"],
+    response_model=MetricsOut,
+    responses={HTTPStatus.OK: {"headers": doc.ETAG}, **doc.problems("not-found", "gone", *doc.STORES)},
+)
+def get_metrics(request: Request, context: Context, job_id: JobId) -> Response:
+    """Return the figures of every recorded iteration so far."""
+    return json_answer(request, metrics_out(job_id, context.stores.jobs.metrics(job_id)))
+
+
+@router.get(
+    "/metrics.csv",
+    operation_id="getMetricsCsv",
+    summary="The time series of a job as CSV",
+    tags=["Metrics"],
+    response_class=Response,
+    responses={
+        HTTPStatus.OK: {
+            "description": "A header line, then one line an iteration; an empty field where there is no figure.",
+            "content": {"text/csv": {"schema": {"type": "string"}}},
+            "headers": doc.FILE,
+        },
+        **doc.problems("not-found", "gone", "range-not-satisfiable", *doc.STORES),
+    },
+)
+def get_metrics_csv(request: Request, context: Context, job_id: JobId) -> Response:
+    """Return the same as `/metrics`, for spreadsheets and plots."""
+    job = context.stores.jobs.get(job_id)
+    rows = metrics_out(job_id, context.stores.jobs.metrics(job_id)).rows
+    names = ["iteration", *(name for name in RowOut.model_fields if name != "iteration")]
+    text = io.StringIO(newline="")
+    writer = csv.DictWriter(text, names, lineterminator="\r\n")  # RFC 4180
+    writer.writeheader()
+    writer.writerows(row.model_dump() for row in rows)
+    data = text.getvalue().encode()
+    content = Content(
+        size=len(data),
+        etag=strong_etag(data),
+        media_type="text/csv",
+        filename=f"{safe_stem(job.spec.name)}_metrics.csv",
+        cache_control=REVALIDATE,
+        open=lambda: io.BytesIO(data),
+    )
+    return deliver(request, content)
