@@ -67,6 +67,9 @@ class Settings(BaseSettings):
     wall_limit_s: float = Field(
         default=6 * 3600.0, gt=0, description="A job ends with `deadline` after this long."
     )
+    checkpoint_s: float = Field(
+        default=60.0, gt=0, description="A run keeps its state at least this often, to go on from."
+    )
     runner_memory_bytes: int = Field(
         default=4096 * MIB, gt=0, description="Address space of one runner; a job that needs more fails."
     )

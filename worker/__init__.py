@@ -1,0 +1,1 @@
+"""The worker: takes job ids from Celery, supervises runners that compute, and tells the records what happened."""

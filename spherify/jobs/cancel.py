@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
+import logging
 
-from spherify.jobs import layout
-from spherify.jobs.codec import dumps
-from spherify.jobs.errors import BlobExistsError
-from spherify.jobs.model import JobStatus
+from spherify.jobs.errors import StorageFullError
+from spherify.jobs.model import JobStatus, Outcome
 from spherify.jobs.ports import BlobStore, CancelOutcome, JobStore
+from spherify.jobs.results import Result, write_result
+
+log = logging.getLogger(__name__)
 
 
 def cancel(jobs: JobStore, blobs: BlobStore, job_id: str) -> CancelOutcome:
@@ -19,7 +20,8 @@ def cancel(jobs: JobStore, blobs: BlobStore, job_id: str) -> CancelOutcome:
     """
     outcome = jobs.request_cancel(job_id)
     if outcome is CancelOutcome.CANCELLED:
-        end = {"job_id": job_id, "token": 0, "status": JobStatus.CANCELLED, "stop_reason": "cancelled"}
-        with suppress(BlobExistsError):  # cancelled before
-            blobs.create(layout.result(job_id), dumps(end).encode())
+        try:
+            write_result(blobs, Result(job_id, 0, Outcome(JobStatus.CANCELLED, stop_reason="cancelled")))
+        except StorageFullError:  # the record says it too
+            log.warning("cancelled, without a file", extra={"job_id": job_id, "action": "cancel"})
     return outcome

@@ -1,0 +1,106 @@
+"""What lives as long as a worker's processes: the supervisor of each pool process, the reconciler of the main one.
+
+    main process          reads messages; reconciles, in a thread; on SIGTERM raises a flag its children share
+    └── pool process      one supervisor; one delivery at a time
+        ├── runner        computes
+        └── runner        the spare
+Each ends with the one above it, even when that is killed.
+
+SIGTERM is Celery's warm shutdown: no new messages, and an end as soon as the tasks return. They return within the
+grace time, because a supervisor that sees the flag hands its job on.
+"""
+
+from __future__ import annotations
+
+import logging
+import multiprocessing
+import os
+from typing import Any
+
+from celery import signals
+
+from spherify.settings import Settings
+from spherify.stores.connect import Stores, open_stores
+from spherify.stores.tether import die_with_parent
+from worker import logs
+from worker.reconciler import ReconcilerThread
+from worker.runners import Runners
+from worker.supervisor import Supervisor
+
+log = logging.getLogger(__name__)
+
+_TIMEOUT_S = 2.0  # of the server's answers; a worker can wait longer than a request
+# Shared with the pool's children by fork, and without a lock: a child that is killed cannot leave it taken.
+_stop = multiprocessing.RawValue("b", 0)
+
+
+class _Process:
+    """What one process has, made when it is first needed: never before a fork."""
+
+    settings: Settings
+    stores: Stores | None = None
+    supervisor: Supervisor | None = None
+    reconciler: ReconcilerThread | None = None
+
+
+def connect(settings: Settings) -> None:
+    """Hear Celery's signals."""
+    _Process.settings = settings
+    signals.setup_logging.connect(_set_up_logging)
+    signals.worker_ready.connect(_begin)
+    signals.worker_shutting_down.connect(_shut_down)
+    signals.worker_process_init.connect(_begin_child)
+    signals.worker_process_shutdown.connect(_end_child)
+
+
+def stopping() -> bool:
+    """Whether this worker is to end."""
+    return bool(_stop.value)
+
+
+def supervisor() -> Supervisor:
+    """Return this process's supervisor."""
+    if _Process.supervisor is None:
+        settings = _Process.settings
+        stores = _stores()
+        _Process.supervisor = Supervisor(
+            stores.jobs, stores.blobs, stores.queue, settings, Runners(settings.threads), stopping=stopping
+        )
+    return _Process.supervisor
+
+
+def keep(delivery_tag: str) -> None:
+    """Tell the queue that a delivery is being worked on."""
+    _stores().queue.keep(delivery_tag)
+
+
+def _stores() -> Stores:
+    if _Process.stores is None:
+        _Process.stores = open_stores(_Process.settings, timeout_s=_TIMEOUT_S)
+    return _Process.stores
+
+
+def _set_up_logging(**_: Any) -> None:  # noqa: ANN401 (what Celery sends along)
+    logs.set_up()
+
+
+def _begin(sender: Any, **_: Any) -> None:  # noqa: ANN401 (Celery's worker)
+    _Process.reconciler = ReconcilerThread(_Process.settings, name=f"{sender.hostname}/{os.getpid()}")
+    _Process.reconciler.start()
+    log.info("ready", extra={"action": "ready"})
+
+
+def _shut_down(**_: Any) -> None:  # noqa: ANN401 (as above)
+    _stop.value = 1
+    if _Process.reconciler is not None:
+        _Process.reconciler.stop()
+
+
+def _begin_child(**_: Any) -> None:  # noqa: ANN401 (as above)
+    die_with_parent(os.getppid())
+    supervisor().runners.prepare()
+
+
+def _end_child(**_: Any) -> None:  # noqa: ANN401 (as above)
+    if _Process.supervisor is not None:
+        _Process.supervisor.runners.close()

@@ -1,0 +1,48 @@
+"""The reconciler's thread in the worker's main process: it runs whether or not Celery is consuming."""
+
+from __future__ import annotations
+
+import logging
+import threading
+
+from spherify.jobs.errors import StoreUnavailableError
+from spherify.jobs.reconcile import Reconciler
+from spherify.settings import Settings
+from spherify.stores.connect import open_stores
+from spherify.stores.leader import Leadership
+
+log = logging.getLogger(__name__)
+
+
+class ReconcilerThread(threading.Thread):
+    """Scans as often as the settings say, while this process is the leader."""
+
+    def __init__(self, settings: Settings, *, name: str) -> None:
+        super().__init__(name="reconciler", daemon=True)
+        self._settings = settings
+        self._owner = name
+        self._done = threading.Event()
+
+    def stop(self) -> None:
+        """Let it end after the present scan; does not wait."""
+        self._done.set()
+
+    def run(self) -> None:
+        """Scan until stopped."""
+        stores = open_stores(self._settings)
+        period = self._settings.reconcile_s
+        leadership = Leadership(stores.client, self._owner, lease_s=3 * period)
+        reconciler = Reconciler(stores.jobs, stores.queue, stores.blobs, orphan_s=self._settings.orphan_s)
+        while not self._done.wait(period):
+            try:
+                if leadership.acquire():
+                    reconciler.scan()
+            except StoreUnavailableError as e:
+                log.warning("the job store does not answer: %s", e, extra={"action": "reconcile"})
+            except Exception:  # a scan that fails must not be the last one; the trace goes to the log
+                log.exception("a scan failed", extra={"action": "reconcile"})
+        try:
+            leadership.resign()
+        except StoreUnavailableError:
+            log.info("not resigned: the post runs out by itself", extra={"action": "reconcile"})
+        stores.close()

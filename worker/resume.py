@@ -1,0 +1,103 @@
+"""Where a job goes on: the newest intact state of any earlier attempt."""
+
+from __future__ import annotations
+
+import hashlib
+import sys
+from collections import defaultdict
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from numpy.typing import NDArray
+
+from spherify.geometry.schedule import SnapshotPlan
+from spherify.jobs import layout
+from spherify.jobs.errors import DamagedBlobError
+from spherify.jobs.model import Snapshot
+from spherify.jobs.ports import BlobStat, BlobStore
+from spherify.jobs.rows import BEST, ROWS, Row, rows_to_list
+from spherify.stores.arrays import load_arrays
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Resumption:
+    """What earlier attempts left.
+
+    Attributes:
+        arrays: the state to go on from; None to begin.
+        snapshots: the planned snapshots up to that state, all intact, ascending.
+
+    """
+
+    arrays: Mapping[str, NDArray[Any]] | None
+    snapshots: tuple[Snapshot, ...]
+
+
+def find_resumption(blobs: BlobStore, job_id: str, plan: SnapshotPlan) -> Resumption:
+    """Look through the files of all attempts; a damaged one counts as if it had never been written.
+
+    The state found is the newest one before which no planned snapshot is missing, so that going on from it leaves
+    the same files as a run that was never interrupted.
+    """
+    public = _by_iteration(blobs, layout.snapshots(job_id))
+    states = _by_iteration(blobs, layout.checkpoints(job_id))
+    for iteration, stats in public.items():
+        states[iteration] += stats
+    snapshots: list[Snapshot] = []
+    gap = None
+    for iteration in plan.iterations:
+        found = _intact_snapshot(blobs, iteration, public.get(iteration, []))
+        if found is None:
+            gap = iteration
+            break
+        snapshots.append(found)
+    for iteration in sorted(states, reverse=True):
+        if gap is not None and iteration >= gap:
+            continue
+        for stat in _newest_first(states[iteration]):
+            loaded = _load(blobs, stat)
+            if loaded is not None and BEST in loaded[1]:  # a best state kept in hindsight leads nowhere
+                upto = tuple(s for s in snapshots if s.iteration <= iteration)
+                return Resumption(loaded[1], upto)
+    return Resumption(None, ())
+
+
+def snapshot_record(iteration: int, stat: BlobStat, content: bytes, row: Row) -> Snapshot:
+    """Return the record of a stored snapshot."""
+    return Snapshot(
+        iteration=iteration,
+        key=stat.key,
+        sha256=hashlib.sha256(content).hexdigest(),
+        size=stat.size,
+        metrics={name: value for name, value in row.items() if name != "iteration"},
+        created_at=stat.created_at,
+    )
+
+
+def _intact_snapshot(blobs: BlobStore, iteration: int, stats: list[BlobStat]) -> Snapshot | None:
+    for stat in _newest_first(stats):
+        if (loaded := _load(blobs, stat)) is not None:
+            row = next(r for r in rows_to_list(loaded[1][ROWS]) if r["iteration"] == iteration)
+            return snapshot_record(iteration, stat, loaded[0], row)
+    return None
+
+
+def _by_iteration(blobs: BlobStore, prefix: str) -> dict[int, list[BlobStat]]:
+    found: dict[int, list[BlobStat]] = defaultdict(list)
+    for stat in blobs.list(prefix):
+        found[layout.numbers(stat.key)[1]].append(stat)
+    return found
+
+
+def _newest_first(stats: list[BlobStat]) -> list[BlobStat]:
+    return sorted(stats, key=lambda stat: layout.numbers(stat.key), reverse=True)
+
+
+def _load(blobs: BlobStore, stat: BlobStat) -> tuple[bytes, dict[str, NDArray[Any]]] | None:
+    content = blobs.read(stat.key)
+    try:
+        return content, load_arrays(content)
+    except DamagedBlobError as e:
+        sys.stderr.write(f"{stat.key} is passed over: {e}\n")
+        return None

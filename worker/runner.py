@@ -1,0 +1,171 @@
+"""The process that computes: ``python -m worker.runner PARENT_PID``, its order on standard input.
+
+It knows files and a pipe, nothing of Redis or Celery. It is started before there is a job, so that the imports are
+done when one comes. It ends with its supervisor, whatever happens to that one.
+"""
+
+from __future__ import annotations
+
+import os
+import resource
+import signal
+import sys
+import threading
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from types import FrameType
+from typing import BinaryIO, Final
+
+from spherify.geometry.errors import GeometryError, InvalidCheckpointError
+from spherify.geometry.mesh import TriangleMesh
+from spherify.geometry.schedule import SnapshotPlan
+from spherify.jobs import layout
+from spherify.jobs.codec import load_spec
+from spherify.jobs.errors import BlobNotFoundError, DamagedBlobError, StorageFullError
+from spherify.jobs.model import JobSpec, Progress
+from spherify.jobs.outcome import outcome_of
+from spherify.jobs.rows import Row
+from spherify.jobs.run import Kept, RunEnd, Stop, run
+from spherify.parameters import Parameters
+from spherify.stores.arrays import dump_arrays, load_arrays
+from spherify.stores.blobs import FolderBlobStore
+from spherify.stores.tether import die_with_parent
+from worker.orders import CANCEL_SIGNAL, HAND_ON_SIGNAL, Order, event_line
+from worker.resume import Resumption, find_resumption, snapshot_record
+
+_ABANDONED: Final = 3  # exit code: the supervisor is gone
+
+
+class PipeSink:
+    """A `spherify.jobs.run.Sink`: files into the blob store, then their names up the pipe."""
+
+    def __init__(self, blobs: FolderBlobStore, order: Order, pipe: BinaryIO) -> None:
+        self.blobs = blobs
+        self.order = order
+        self._pipe = pipe
+
+    def snapshot(self, kept: Kept) -> None:
+        """Write the file, then say so."""
+        content = dump_arrays(kept.arrays)
+        key = layout.numbered(layout.snapshots(self.order.job_id), self.order.token, kept.iteration)
+        stat = self.blobs.create(key, content)
+        record = snapshot_record(kept.iteration, stat, content, kept.row)
+        self.send("snapshot", snapshot=asdict(record))
+
+    def checkpoint(self, kept: Kept) -> None:
+        """Write the file, then remove the older ones."""
+        folder = layout.checkpoints(self.order.job_id)
+        key = layout.numbered(folder, self.order.token, kept.iteration)
+        self.blobs.create(key, dump_arrays(kept.arrays))
+        for older in list(self.blobs.list(folder)):
+            if older.key != key:
+                self.blobs.delete(older.key)
+
+    def report(self, progress: Progress, rows: Sequence[Row]) -> None:
+        """Say how far it is."""
+        self.send("report", progress=asdict(progress), rows=list(rows))
+
+    def send(self, event: str, **content: object) -> None:
+        """Write one event and flush it."""
+        self._pipe.write(event_line(event, **content))
+        self._pipe.flush()
+
+
+def work(order: Order, pipe: BinaryIO, told: list[Stop]) -> None:
+    """Do what the order says; whatever goes wrong in a way that would go wrong again becomes an event."""
+    blobs = FolderBlobStore(Path(order.data_dir))
+    sink = PipeSink(blobs, order, pipe)
+    try:
+        _limit_memory(order.memory_bytes)
+        spec = load_spec(blobs.read(layout.spec(order.job_id)))
+        arrays = load_arrays(blobs.read(layout.mesh_arrays(spec.mesh_id)))
+        mesh = TriangleMesh.checked(arrays["vertices"], arrays["faces"])
+        end = _run(mesh, spec, sink, told)
+    except MemoryError:
+        detail = f"the job needs more memory than the {order.memory_bytes / 2**20:.0f} MiB a runner may have"
+        sink.send("failed", code="out-of-memory", detail=f"{detail}: use a smaller mesh")
+    except StorageFullError as e:
+        sink.send("failed", code="storage-full", detail=f"{e}: delete jobs that are no longer needed")
+    except (BlobNotFoundError, DamagedBlobError) as e:
+        sink.send("failed", code="mesh-missing", detail=f"a file of this job cannot be read: {e}")
+    except GeometryError as e:
+        sink.send("failed", code="invalid-mesh", detail=str(e))
+    else:
+        if end.stop_reason is None:
+            sink.send("handed-on")
+        else:
+            sink.send(
+                "end",
+                outcome=asdict(outcome_of(end)),
+                progress=asdict(end.progress),
+                rows=list(end.rows),
+            )
+
+
+def _run(mesh: TriangleMesh, spec: JobSpec, sink: PipeSink, told: list[Stop]) -> RunEnd:
+    config = Parameters.model_validate(spec.parameters).config()
+    plan = SnapshotPlan(spec.snapshots_requested)
+
+    def go(found: Resumption) -> RunEnd:
+        for snapshot in found.snapshots:
+            sink.send("snapshot", snapshot=asdict(snapshot))
+        return run(
+            mesh,
+            config,
+            plan,
+            sink,
+            resume=found.arrays,
+            stop=lambda: told[-1] if told else None,
+            deadline_s=sink.order.deadline_s,
+            checkpoint_s=sink.order.checkpoint_s,
+        )
+
+    try:
+        return go(find_resumption(sink.blobs, spec.id, plan))
+    except InvalidCheckpointError as e:  # of an earlier version of the program: everything once more
+        sys.stderr.write(f"{spec.id}: begun anew, {e}\n")
+        return go(Resumption(None, ()))
+
+
+def _limit_memory(limit: int) -> None:
+    _, hard = resource.getrlimit(resource.RLIMIT_AS)
+    resource.setrlimit(
+        resource.RLIMIT_AS, (limit if hard == resource.RLIM_INFINITY else min(limit, hard), hard)
+    )
+
+
+def _leave_when_abandoned() -> None:
+    """Wait for the end of standard input: then there is no supervisor any more (where there is no tether)."""
+    os.read(0, 1)
+    os._exit(_ABANDONED)
+
+
+def main() -> None:
+    """Get ready, wait for an order, carry it out."""
+    die_with_parent(int(sys.argv[1]))
+    told: list[Stop] = []
+
+    def hear(number: int, _frame: FrameType | None) -> None:
+        told.append(Stop.CANCEL if number == CANCEL_SIGNAL else Stop.HAND_ON)
+
+    signal.signal(CANCEL_SIGNAL, hear)
+    signal.signal(HAND_ON_SIGNAL, hear)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the worker, which hands on
+    pipe = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # whatever prints does not get among the events
+    pipe.write(event_line("ready"))
+    pipe.flush()
+    line = b""
+    while not line.endswith(b"\n"):  # byte by byte: what follows belongs to the thread below
+        byte = os.read(0, 1)
+        if not byte:
+            return
+        line += byte
+    threading.Thread(target=_leave_when_abandoned, daemon=True).start()
+    work(Order.parse(line), pipe, told)
+    os._exit(0)  # all is written and flushed; tearing the interpreter down would keep the job waiting
+
+
+if __name__ == "__main__":
+    main()

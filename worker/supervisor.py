@@ -1,0 +1,309 @@
+"""One attempt at one job: claim it, watch over the runner, keep the lease, end the record.
+
+The record is written under the attempt's fencing token only. When the token is no longer the present one, or no
+heartbeat got through for most of the lease, the runner is killed and nothing more is written.
+"""
+
+from __future__ import annotations
+
+import logging
+import subprocess
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from enum import Enum
+from typing import Any, Final
+
+from spherify.jobs import layout
+from spherify.jobs.codec import load_outcome, load_progress
+from spherify.jobs.delete import remove_folder
+from spherify.jobs.errors import StorageFullError, StoreUnavailableError
+from spherify.jobs.model import JobError, JobStatus, Outcome, Progress
+from spherify.jobs.outcome import DEADLINE_ADVICE
+from spherify.jobs.ports import BlobStore, ClaimOutcome, JobQueue, JobStore, Renewal
+from spherify.jobs.results import Result, publish_result, read_result, write_result
+from spherify.settings import Settings
+from worker.orders import CANCEL_SIGNAL, HAND_ON_SIGNAL, Order
+from worker.outbox import Outbox
+from worker.runners import Runner, Runners
+
+LOOK_S: Final = 1.0  # a cancel is seen this soon, however rare the heartbeats are
+FENCE_SHARE: Final = (
+    0.8  # of the lease: a worker that cannot renew for this long gives up before others may begin
+)
+COMMIT_S: Final = 15.0  # how long the end of a job is offered to a server that does not answer
+_TICK_S: Final = 0.25
+log = logging.getLogger(__name__)
+
+
+class Verdict(Enum):
+    """How the watch over a runner ended."""
+
+    ENDED = "ended"  # it said how
+    DIED = "died"  # without a word
+    STOPPED = "stopped"  # it was told to, for another worker
+    CANCELLED = "cancelled"  # it was told to, and did not say how it ended
+    OVERDUE = "overdue"  # it outran its limit, even after it was told to stop
+    FENCED = "fenced"  # the job is somebody else's now, or may be
+
+
+class Supervisor:
+    """Runs jobs one at a time."""
+
+    def __init__(
+        self,
+        jobs: JobStore,
+        blobs: BlobStore,
+        queue: JobQueue,
+        settings: Settings,
+        runners: Runners,
+        *,
+        stopping: Callable[[], bool] = lambda: False,
+    ) -> None:
+        self.jobs = jobs
+        self.blobs = blobs
+        self.queue = queue
+        self.settings = settings
+        self.runners = runners
+        self.stopping = stopping
+
+    def run(self, job_id: str, worker: str, keep_delivery: Callable[[], None] = lambda: None) -> None:
+        """Do one delivery; returns when the job has ended, was handed on, or is not ours.
+
+        Args:
+            job_id: what was delivered.
+            worker: name for the record.
+            keep_delivery: tells the queue, at every heartbeat, that the delivery is being worked on.
+
+        Raises:
+            StoreUnavailableError: it could not even be claimed; the reconciler will send it again.
+
+        """
+        claim = self.jobs.claim(job_id, worker)
+        if claim.outcome is not ClaimOutcome.CLAIMED:
+            _say(logging.INFO, job_id, "drop", f"dropped: {claim.outcome}")
+            if claim.outcome is ClaimOutcome.POISONED:
+                self._write_poisoned(job_id)
+            return
+        _Attempt(self, job_id, claim.token, keep_delivery).go()
+
+    def _write_poisoned(self, job_id: str) -> None:
+        job = self.jobs.get(job_id)
+        outcome = Outcome(job.status, error=job.error, best_iteration=job.best_iteration)
+        rows = self.jobs.metrics(job_id)
+        write_result(self.blobs, Result(job_id, job.token, outcome, job.progress, job.snapshots, rows))
+
+
+class _Attempt:
+    """A claimed job, from the claim to the end of the record."""
+
+    def __init__(self, boss: Supervisor, job_id: str, token: int, keep_delivery: Callable[[], None]) -> None:
+        self._boss = boss
+        self._jobs = boss.jobs
+        self._settings = boss.settings
+        self._job_id = job_id
+        self._token = token
+        self._keep_delivery = keep_delivery
+        self._outbox = Outbox(boss.jobs, job_id, token)
+        now = time.monotonic()
+        self._began = self._renewed_at = now
+        self._look_at = now
+        self._beat_at = now
+        self._told: Verdict | None = None
+        self._told_at = now
+        self._last: dict[str, Any] | None = None
+
+    def go(self) -> None:
+        """Carry the attempt through."""
+        earlier = read_result(self._boss.blobs, self._job_id)
+        if earlier is not None:  # an attempt died between the file and the record
+            self._adopt(earlier)
+            return
+        runner = self._boss.runners.take()
+        self._say(logging.INFO, "start", f"attempt {self._token} in process {runner.pid}")
+        try:
+            runner.start(
+                Order(
+                    job_id=self._job_id,
+                    token=self._token,
+                    data_dir=str(self._settings.data_dir / "blobs"),
+                    memory_bytes=self._settings.runner_memory_bytes,
+                    deadline_s=self._settings.wall_limit_s,
+                    checkpoint_s=self._settings.checkpoint_s,
+                )
+            )
+            self._boss.runners.prepare()
+            verdict = self._watch(runner)
+        except SystemExit:  # Celery's cold shutdown
+            runner.kill()
+            self._hand_on()
+            raise
+        finally:
+            exit_code = self._end_of(runner)
+        self._conclude(verdict, exit_code)
+
+    def _end_of(self, runner: Runner) -> int:
+        """See the process out and return its exit code; one that goes on in spite of its last word is killed."""
+        try:
+            return runner.wait(self._settings.cancel_grace_s)
+        except subprocess.TimeoutExpired:
+            runner.kill()
+            return runner.wait()
+
+    # Watching
+
+    def _watch(self, runner: Runner) -> Verdict:
+        while True:
+            for event in runner.events(_TICK_S):
+                self._hear(event)
+            now = time.monotonic()
+            fenced = now >= self._look_at and not self._look(now)
+            if fenced or now - self._renewed_at > FENCE_SHARE * self._settings.lease_s:
+                runner.kill()
+                return Verdict.FENCED
+            if runner.ended or self._last is not None:
+                return self._verdict()
+            self._steer(runner, now)
+
+    def _hear(self, event: dict[str, Any]) -> None:
+        if event["event"] in {"snapshot", "report"}:
+            self._outbox.take_in(event)
+            self._look_at = 0.0  # tell it at once
+        else:
+            self._last = event
+
+    def _look(self, now: float) -> bool:
+        """Renew the lease, see what is asked, tell what is new; False when the job is not ours any more."""
+        self._look_at = now + min(LOOK_S, self._settings.heartbeat_s)
+        try:
+            renewal = self._jobs.renew(self._job_id, self._token)
+            if renewal is Renewal.FENCED or not self._outbox.flush():
+                return False
+            self._renewed_at = now
+            if renewal is Renewal.CANCEL:
+                self._tell(Verdict.CANCELLED, now)
+            if now >= self._beat_at:
+                self._beat_at = now + self._settings.heartbeat_s
+                self._keep_delivery()
+        except StoreUnavailableError as e:
+            self._say(logging.WARNING, "heartbeat", f"the job store does not answer: {e}")
+        return True
+
+    def _steer(self, runner: Runner, now: float) -> None:
+        """Pass on what the runner is to be told, and end it when it does not listen."""
+        grace = self._settings.cancel_grace_s
+        if self._boss.stopping():
+            self._tell(Verdict.STOPPED, now)
+        overdue = now - self._began > self._settings.wall_limit_s + grace  # it looks at its limit itself
+        deaf = self._told is not None and now - self._told_at > grace
+        if overdue or deaf:
+            self._say(logging.WARNING, "kill", f"the runner did not stop within {grace:g} s")
+            self._told = self._told or Verdict.OVERDUE
+            runner.kill()
+            runner.ended = True
+        elif self._told is not None and self._told_at == now:
+            runner.tell(HAND_ON_SIGNAL if self._told is Verdict.STOPPED else CANCEL_SIGNAL)
+
+    def _tell(self, why: Verdict, now: float) -> None:
+        if self._told is None:
+            self._told, self._told_at = why, now
+
+    def _verdict(self) -> Verdict:
+        if self._last is None:
+            return self._told or Verdict.DIED
+        return Verdict.ENDED if self._last["event"] != "handed-on" else self._told or Verdict.STOPPED
+
+    # Concluding
+
+    def _conclude(self, verdict: Verdict, exit_code: int) -> None:
+        if verdict is Verdict.FENCED:
+            self._say(logging.WARNING, "fenced", "the job is not ours any more: the runner was killed")
+        elif verdict is Verdict.STOPPED:
+            self._hand_on()
+        elif verdict is Verdict.DIED:
+            self._lose(exit_code)
+        else:
+            self._commit_new(*self._end(verdict))
+
+    def _end(self, verdict: Verdict) -> tuple[Outcome, Progress | None]:
+        """Return the end as the runner told it, or as it must be told for it."""
+        told = self._last if verdict is Verdict.ENDED else None
+        if told is not None and told["event"] == "end":
+            self._outbox.add_rows(told["rows"])
+            outcome = load_outcome(told["outcome"])
+            if self._told is Verdict.CANCELLED:  # it may have ended by itself in the same moment
+                outcome = replace(outcome, status=JobStatus.CANCELLED, stop_reason="cancelled", error=None)
+            return outcome, load_progress(told["progress"])
+        if told is not None:
+            error = JobError(told["code"], told["detail"])
+            return Outcome(JobStatus.FAILED, error=error), None
+        if verdict is Verdict.OVERDUE:
+            limit = self._settings.wall_limit_s
+            error = JobError(
+                "deadline", f"{limit:g} s were over, and the runner was stopped; {DEADLINE_ADVICE}"
+            )
+            return Outcome(JobStatus.FAILED, stop_reason="deadline", error=error), None
+        return Outcome(JobStatus.CANCELLED, stop_reason="cancelled"), None
+
+    def _commit_new(self, outcome: Outcome, progress: Progress | None) -> None:
+        """Make the end durable, then tell the record."""
+        mine = Result(self._job_id, self._token, outcome, progress, self._outbox.snapshots, self._outbox.rows)
+        try:
+            result = write_result(self._boss.blobs, mine)
+        except StorageFullError as e:  # the record alone must say it
+            error = JobError("storage-full", f"{e}: delete jobs that are no longer needed")
+            outcome = Outcome(JobStatus.FAILED, outcome.stop_reason, outcome.stop_detail, error=error)
+        else:
+            if result is not mine:
+                self._adopt(result)
+                return
+        self._outbox.send_end(progress)
+        if self._insist(lambda: self._jobs.commit(self._job_id, self._token, outcome)):
+            self._committed(outcome)
+
+    def _adopt(self, result: Result) -> None:
+        """Tell the record of an end that another attempt wrote and did not live to tell."""
+        self._say(logging.INFO, "adopt", f"ended by attempt {result.token}")
+        if self._insist(lambda: publish_result(self._jobs, self._token, result)):
+            self._committed(result.outcome)
+
+    def _committed(self, outcome: Outcome) -> None:
+        remove_folder(self._boss.blobs, layout.checkpoints(self._job_id))
+        why = outcome.stop_reason or (outcome.error.code if outcome.error is not None else "")
+        self._say(logging.INFO, "commit", f"{outcome.status}: {why}")
+
+    def _hand_on(self) -> None:
+        if self._insist(lambda: self._jobs.release(self._job_id, self._token)):
+            self._say(logging.INFO, "hand-on", "stopped at a checkpoint for another worker")
+            self._send()
+
+    def _lose(self, exit_code: int) -> None:
+        self._say(logging.WARNING, "lose", f"the runner ended without a word, exit code {exit_code}")
+        if self._insist(lambda: self._jobs.lose(self._job_id, self._token)):
+            self._send()
+
+    def _send(self) -> None:
+        try:
+            self._boss.queue.send(self._job_id)
+        except StoreUnavailableError:
+            self._say(logging.WARNING, "send", "not sent: the reconciler will")
+
+    def _insist(self, write: Callable[[], bool]) -> bool:
+        """Write to the record, for a while even if the server does not answer; whether it was accepted."""
+        till = time.monotonic() + COMMIT_S
+        while True:
+            try:
+                self._outbox.flush()
+                return write()
+            except StoreUnavailableError as e:
+                if time.monotonic() > till:
+                    self._say(logging.ERROR, "give-up", f"the job store does not answer: {e}")
+                    return False
+                time.sleep(_TICK_S)
+
+    def _say(self, level: int, action: str, sentence: str) -> None:
+        _say(level, self._job_id, action, sentence)
+
+
+def _say(level: int, job_id: str, action: str, sentence: str) -> None:
+    log.log(level, sentence, extra={"job_id": job_id, "action": action})
