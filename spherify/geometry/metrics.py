@@ -69,8 +69,8 @@ def metrics_of(
     farthest = float(distances.max())
     return Metrics(
         sphericity=shape.sphericity,
-        area=shape.area * scale**2,
-        volume=shape.volume * scale**3,
+        area=shape.area * scale * scale,
+        volume=shape.volume * scale * scale * scale,
         radius_variation=shape.radius_variation,
         radius_ratio=float(distances.min()) / farthest if farthest > 0 else 0.0,
         curvature_min=float(K.min()),

@@ -100,11 +100,16 @@ def _parsed(text: str, iterations: int) -> list[int]:
         if count == 0:
             raise InvalidConfigError(f"{match[1]}:0 keeps nothing: name a number of 1 or more")
         if match[1] == "log":
-            return _geometric(min(count, MAX_SNAPSHOTS + 1), iterations)
-        if iterations // count > MAX_SNAPSHOTS:
+            if count > MAX_SNAPSHOTS:
+                raise InvalidConfigError(
+                    f"log:{count} names {count} snapshots and at most {MAX_SNAPSHOTS} are kept"
+                )
+            return _geometric(count, iterations)
+        kept = -(-iterations // count) + 1  # with both ends
+        if kept > MAX_SNAPSHOTS:
             raise InvalidConfigError(
-                f"every:{count} keeps {iterations // count} snapshots and at most {MAX_SNAPSHOTS} are kept: "
-                f"every:{-(-iterations // (MAX_SNAPSHOTS - 2))} is the densest"
+                f"every:{count} keeps {kept} snapshots and at most {MAX_SNAPSHOTS} are kept: "
+                f"every:{-(-iterations // (MAX_SNAPSHOTS - 1))} is the densest"
             )
         return list(range(count, iterations + 1, count))
     if re.fullmatch(r"\d{1,12}(\s*[,;\s]\s*\d{1,12})*", text):

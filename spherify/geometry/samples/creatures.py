@@ -124,12 +124,11 @@ def _head(P: Floats) -> Floats:
 
 
 def _sphere_bar(P: Floats) -> Floats:
-    balls = _capsule(
-        np.stack([np.abs(P[:, 0]), P[:, 1], P[:, 2]], axis=1), (1.6, 0, 0), (1.601, 0, 0), 0.8, 0.8
-    )
-    return _union([balls, _capsule(P, (-1.6, 0, 0), (1.6, 0, 0), 0.3, 0.3)], 0.2)
+    folded = np.stack([np.abs(P[:, 0]), P[:, 1], P[:, 2]], axis=1)
+    ball = _ellipsoid(folded, (1.2, 0, 0), (0.8, 0.8, 0.8))
+    return _union([ball, _capsule(P, (-1.2, 0, 0), (1.2, 0, 0), 0.45, 0.45)], 0.3)
 
 
 quadruped: Final = Implicit(_quadruped, (-2.15, -0.55, -0.1), (1.9, 0.55, 2.1), 1000)
 head: Final = Implicit(_head, (-1.2, -1.1, -2.0), (1.3, 1.1, 1.15), 400)
-sphere_bar: Final = Implicit(_sphere_bar, (-2.45, -0.85, -0.85), (2.45, 0.85, 0.85), 300)
+sphere_bar: Final = Implicit(_sphere_bar, (-2.05, -0.85, -0.85), (2.05, 0.85, 0.85), 300)

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from spherify.geometry.measures import norm
+from spherify.geometry.measures import cross, dot, norm
 from spherify.geometry.mesh import Floats, Ints, TriangleMesh
 
 _GOLDEN: Final = (1 + math.sqrt(5)) / 2
@@ -130,26 +130,31 @@ def _outward(triangle: Floats) -> Floats:
 
 
 def _triangle_patch(corners: Floats, k: int) -> tuple[Floats, Ints]:
-    """Cut a spherical triangle into k² by interpolating along great circles, evenly from each corner."""
-    a, b, c = corners
-    points: list[Floats] = []
-    index: dict[tuple[int, int], int] = {}
-    for i in range(k + 1):
-        left, right = _slerp(a, b, i / k), _slerp(a, c, i / k)
-        for j in range(i + 1):
-            index[i, j] = len(points)
-            points.append(_slerp(left, right, j / i) if i else a)
-    faces = [[index[i, j], index[i + 1, j], index[i + 1, j + 1]] for i in range(k) for j in range(i + 1)]
-    faces += [[index[i, j], index[i + 1, j + 1], index[i, j + 1]] for i in range(1, k) for j in range(i)]
-    return np.array(points), np.array(faces)
+    """Cut a spherical triangle into k² triangles, its edges evenly and all three corners alike.
+
+    Interpolating along great circles favours the corner it starts from; the mean over the three does not.
+    """
+    rows, columns = np.tril_indices(k + 1)
+    shares = np.stack([k - rows, rows - columns, columns], axis=1)
+    points = np.zeros((len(rows), 3))
+    for turn in range(3):
+        (a, b, c), (_, v, w) = np.roll(corners, -turn, axis=0), np.roll(shares, -turn, axis=1).T
+        along = (v + w) / k
+        points += _slerp(_slerp(a, b, along), _slerp(a, c, along), w / np.maximum(v + w, 1))
+    at = np.zeros((k + 2, k + 2), dtype=np.int64)
+    at[rows, columns] = np.arange(len(rows))
+    i, j = np.tril_indices(k)
+    up = np.stack([at[i, j], at[i + 1, j], at[i + 1, j + 1]], axis=1)
+    down = np.stack([at[i, j], at[i + 1, j + 1], at[i, j + 1]], axis=1)[j < i]
+    return points / norm(points)[:, None], np.concatenate([up, down])
 
 
-def _slerp(a: Floats, b: Floats, t: float) -> Floats:
-    """Return the point at the fraction t of the great circle from unit vector a to b."""
-    angle = math.acos(max(-1.0, min(1.0, float(a @ b))))
-    if angle == 0:
-        return a
-    return np.asarray((math.sin((1 - t) * angle) * a + math.sin(t * angle) * b) / math.sin(angle))
+def _slerp(a: Floats, b: Floats, t: Floats) -> Floats:
+    """(k, 3) points at the fractions t (k,) of the great circles from unit vectors a to b, (3,) or (k, 3)."""
+    a, b, fraction = np.atleast_2d(a), np.atleast_2d(b), t[:, None]
+    angle = np.arctan2(norm(cross(a, b)), dot(a, b))[:, None]
+    between = np.sin((1 - fraction) * angle) * a + np.sin(fraction * angle) * b
+    return np.asarray(np.where(angle > 0, between / np.where(angle > 0, np.sin(angle), 1), a))
 
 
 def _square_patch(axis: int, side: float, k: int) -> tuple[Floats, Ints]:
