@@ -32,7 +32,7 @@ def normalised_curvature(K: Floats, window: tuple[float, float]) -> Floats | Non
     least_width = EQUAL_CURVATURE * float(np.abs(K).max())
     for percentiles in (window, (0.0, 100.0)):
         K_min, K_max = (float(K_at) for K_at in np.percentile(K, percentiles))
-        if K_max - K_min > least_width:
+        if not K_max - K_min <= least_width:  # what is not a number goes on and is caught as a collapse
             return np.clip((K - K_min) / (K_max - K_min), 0, 1)
     return None
 
