@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
-from typing import TYPE_CHECKING
+from contextlib import suppress
+from typing import TYPE_CHECKING, Final
 from urllib.parse import quote
 
 from fastapi import FastAPI
@@ -11,6 +13,7 @@ from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response
+from starlette.types import Receive, Scope, Send
 
 from service.problems import (
     MEDIA_TYPE,
@@ -28,12 +31,37 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
 
+LINGER_S: Final = 2.0
+
+
 def problem_answer(request: Request, problem: ProblemError) -> Response:
     """Return the problem document as an answer to this request."""
     document = problem.document(quote(request.scope["path"], errors="replace"), request.state.request_id)
     body = json.dumps(document, ensure_ascii=False, allow_nan=False).encode("utf-8", "replace")
     headers = {"Cache-Control": "no-store", **problem.all_headers}
+    if _body_is_coming(request):
+        return LastAnswer(body, problem.type.status, headers | {"Connection": "close"}, MEDIA_TYPE)
     return Response(body, problem.type.status, headers, MEDIA_TYPE)
+
+
+class LastAnswer(Response):
+    """An answer to a request whose body is still coming and not wanted any more.
+
+    Closing with bytes unread makes the kernel reset the connection, and many a client then loses the answer. So the
+    answer goes out whole, and what still comes is thrown away until the client has stopped or a moment is over.
+    """
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Send the answer, then linger."""
+        start = {"type": "http.response.start", "status": self.status_code, "headers": self.raw_headers}
+        await send(start)
+        await send({"type": "http.response.body", "body": self.body, "more_body": True})
+        with suppress(TimeoutError):
+            async with asyncio.timeout(LINGER_S):
+                more = True
+                while more:
+                    more = (await receive()).get("more_body", False)
+        await send({"type": "http.response.body", "body": b"", "more_body": False})
 
 
 def add_handlers(app: FastAPI) -> None:
@@ -43,6 +71,11 @@ def add_handlers(app: FastAPI) -> None:
     app.add_exception_handler(HTTPException, _framework)
     app.add_exception_handler(RequestValidationError, _validation)
     app.add_exception_handler(ClientDisconnect, _gone)
+
+
+def _body_is_coming(request: Request) -> bool:
+    announced = request.headers.get("content-length", "0") != "0" or "transfer-encoding" in request.headers
+    return announced and not request.state.body_read
 
 
 async def _ours(request: Request, error: Exception) -> Response:

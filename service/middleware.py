@@ -50,7 +50,7 @@ class RequestContext:
         request_id = given if _ID.fullmatch(given) else f"req_{ULID()}"
         head = scope["method"] == "HEAD"
         inner = {**scope, "method": "GET", "head": True} if head else dict(scope)
-        inner["state"] = {**scope.get("state", {}), "request_id": request_id}
+        inner["state"] = {**scope.get("state", {}), "request_id": request_id, "body_read": False}
         began = time.perf_counter()
         status = 0
 
@@ -63,8 +63,13 @@ class RequestContext:
                 message = {**message, "body": b""}
             await send(message)
 
+        async def listen() -> Message:
+            message = await receive()
+            inner["state"]["body_read"] = not message.get("more_body", False)
+            return message
+
         try:
-            await self._app(inner, receive, answer)
+            await self._app(inner, listen, answer)
         finally:
             access_log.info(
                 "request_id=%s method=%s path=%s status=%d ms=%.1f",

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Generic, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from service.snapshots import best_iteration
 from spherify.formats import FORMATS_OUT
 from spherify.jobs.model import Job, JobStatus, MeshRecord, Snapshot
 from spherify.parameters import Parameters
@@ -277,7 +278,7 @@ def job_out(job: Job) -> JobOut:
         attempt=job.attempt,
         stop_reason=job.stop_reason,
         stop_detail=job.stop_detail,
-        best_iteration=job.best_iteration,
+        best_iteration=best_iteration(job),
         result_iteration=job.result_iteration,
         error=JobErrorOut(code=job.error.code, detail=job.error.detail) if job.error else None,
         created_at=moment(job.spec.created_at),
@@ -301,7 +302,7 @@ def _job_links(job: Job) -> dict[str, str]:
         links["cancel"] = f"{path}/cancel"
     if job.snapshots:
         links["latest"] = f"{path}/snapshots/latest"
-    if job.best_iteration is not None:
+    if best_iteration(job) is not None:
         links["best"] = f"{path}/snapshots/best"
     if job.result_iteration is not None:
         links["final"] = f"{path}/snapshots/final"

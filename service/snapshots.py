@@ -24,6 +24,14 @@ def retry_after_s(job: Job) -> int:
     return 1 if eta_s is None else min(max(math.ceil(eta_s / 20), 1), 10)
 
 
+def best_iteration(job: Job) -> int | None:
+    """Return the kept state of the highest sphericity; while a job runs, of those kept so far."""
+    if job.best_iteration is not None:
+        return job.best_iteration
+    figures = {snapshot.iteration: snapshot.metrics.get("sphericity", 0.0) for snapshot in job.snapshots}
+    return max(figures, key=lambda iteration: figures[iteration], default=None)
+
+
 def find(job: Job, which: str) -> tuple[Snapshot, str]:
     """Return the snapshot that a name or number means, and its Cache-Control.
 
@@ -40,7 +48,7 @@ def find(job: Job, which: str) -> tuple[Snapshot, str]:
         wanted = {
             "initial": 0,
             "latest": max(kept, default=None),
-            "best": job.best_iteration,
+            "best": best_iteration(job),
             "final": job.result_iteration if job.status.done else None,
         }[which]
     else:

@@ -131,7 +131,6 @@ async def body(request: Request, limit: int, idle_s: float) -> AsyncIterator[byt
                 "request-timeout",
                 f"the body stalled after {received} bytes: nothing for {idle_s:g} s, or less than "
                 f"{MIN_BYTES_PER_S} bytes/s",
-                headers={"Connection": "close"},
             ) from None
         if piece is None:
             return
@@ -175,8 +174,4 @@ async def raw_upload(
 
 
 def _too_large(limit: int, what: str) -> ProblemError:
-    return ProblemError(
-        "upload-too-large",
-        f"{what}; at most {limit} are taken",
-        headers={"Connection": "close"},  # the rest of the body is not read
-    )
+    return ProblemError("upload-too-large", f"{what}; at most {limit} are taken")

@@ -17,7 +17,7 @@ import uvicorn
 
 from service.app import create_app
 from spherify.jobs import layout
-from spherify.jobs.model import Job, JobStatus, Outcome, Progress, Snapshot
+from spherify.jobs.model import Job, JobStatus, MeshRecord, Outcome, Progress, Snapshot
 from spherify.settings import Settings
 from spherify.stores.arrays import dump_arrays, load_arrays
 from spherify.stores.connect import Stores, open_stores
@@ -159,13 +159,33 @@ class Hand:
         return self
 
 
+@pytest.fixture(scope="session")
+def octahedron(base_url: str, shared_stores: Stores) -> tuple[MeshRecord, dict[str, bytes]]:
+    """The octahedron as the service keeps it: read once, since a reading starts a process."""
+    answer = httpx.put(f"{base_url}/v1/meshes?name=octahedron.obj", content=OCTAHEDRON, timeout=30)
+    record = shared_stores.meshes.get(answer.json()["id"])
+    blobs = shared_stores.blobs
+    return record, {blob.key: blobs.read(blob.key) for blob in blobs.list(layout.mesh_folder(record.id))}
+
+
 @pytest.fixture
-def submitted(client: httpx.Client, stores: Stores) -> Callable[..., Hand]:
+def known(octahedron: tuple[MeshRecord, dict[str, bytes]], stores: Stores) -> str:
+    """The id of the octahedron, kept already."""
+    record, files = octahedron
+    for key, data in files.items():
+        if stores.blobs.stat(key) is None:
+            stores.blobs.create(key, data)
+    stores.meshes.add(record)
+    return record.id
+
+
+@pytest.fixture
+def submitted(client: httpx.Client, stores: Stores, known: str) -> Callable[..., Hand]:
     """Submit a job on the octahedron by HTTP; the answer's worker is ours to play."""
 
-    def submit(data: bytes = OCTAHEDRON, **fields: str) -> Hand:
-        fields = {"iterations": "1000", "snapshots": "100,500", "name": "bunny"} | fields
-        answer = client.post("/v1/jobs", files={"file": ("octahedron.obj", data)}, data=fields)
+    def submit(**fields: str) -> Hand:
+        fields = {"iterations": "1000", "snapshots": "100,500", "name": "bunny", "mesh_id": known} | fields
+        answer = client.post("/v1/jobs", files={name: (None, value) for name, value in fields.items()})
         assert answer.status_code == 201, answer.text
         return Hand(stores, answer.json()["id"])
 
