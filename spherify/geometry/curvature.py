@@ -44,9 +44,9 @@ def curvature_from(
     value = measures.edge_lengths(V, edges) * measures.dihedral_angles(V, edges, edge_faces, face_normals)
     if measure == "vtk":
         area = np.take(face_areas, edge_faces[:, 0]) + np.take(face_areas, edge_faces[:, 1])
-        value = np.divide(1.5 * value, area, out=np.zeros_like(value), where=area > 0)
+        value = np.divide(1.5 * value, area, out=np.zeros_like(value), where=area != 0)
     total = measures.scatter(edges[:, 0], value, n) + measures.scatter(edges[:, 1], value, n)
     if measure == "dual-area":
         dual = measures.sum_at_vertices(face_areas, topology.faces, n) / 3
-        return np.divide(total / 4, dual, out=np.zeros(n), where=dual > 0)
+        return np.divide(total / 4, dual, out=np.zeros(n), where=dual != 0)
     return total / np.maximum(topology.interior_degrees, 1)

@@ -1,7 +1,8 @@
 """Lengths, areas, normals, signed dihedral angles, volume, centroid: plain measures of a triangle mesh.
 
 Vartziotis, "Curvature transformation", arXiv:1608.03898, section 1. Unit normals of degenerate faces are zero
-vectors, and the dihedral angle at such a face is 0.
+vectors, and the dihedral angle at such a face is 0. What is not a number stays
+so: divisions leave out exact zeros only.
 
 Vectors are rows of (k, 3) arrays. Any memory layout gives the right numbers; column by column (Fortran order, what
 `gather` makes) is twice as quick, because every operation then runs over contiguous memory.
@@ -45,7 +46,7 @@ def norm(a: Floats) -> Floats:
 def normalised(a: Floats) -> Floats:
     """Rows of a (k, 3) array scaled to length 1; zero rows stay zero."""
     length = norm(a)[:, None]
-    return np.divide(a, length, out=np.zeros_like(a), where=length > 0)
+    return np.divide(a, length, out=np.zeros_like(a), where=length != 0)
 
 
 def scatter(index: Ints, values: Floats, n: int) -> Floats:
@@ -133,4 +134,4 @@ def least_altitudes(V: Floats, F: Ints, areas: Floats) -> Floats:
     """(m,) least altitude of each triangle: 2·area / longest edge; 0 for a point."""
     a, b, c = (gather(V, F[:, k]) for k in range(3))
     longest = np.sqrt(np.maximum(np.maximum(dot(b - a, b - a), dot(c - b, c - b)), dot(a - c, a - c)))
-    return np.divide(2 * areas, longest, out=np.zeros_like(areas), where=longest > 0)
+    return np.divide(2 * areas, longest, out=np.zeros_like(areas), where=longest != 0)

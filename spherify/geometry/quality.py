@@ -16,7 +16,7 @@ def triangle_quality(V: Floats, F: Ints) -> Floats:
     squares = measures.dot(b - a, b - a) + measures.dot(c - b, c - b) + measures.dot(a - c, a - c)
     areas = measures.face_areas(V, F)
     numerator = 4 * math.sqrt(3) * areas
-    return np.divide(numerator, squares, out=np.zeros_like(areas), where=squares > 0)
+    return np.divide(numerator, squares, out=np.zeros_like(areas), where=squares != 0)
 
 
 def inward_faces(V: Floats, F: Ints, centre: Floats) -> int:

@@ -90,6 +90,6 @@ def relaxed(V: Floats, normals: Floats, topology: Topology, weights: Floats, fra
     total = (measures.scatter(a, np.take(weights, b), n) + measures.scatter(b, np.take(weights, a), n))[
         :, None
     ]
-    umbrella = np.divide(summed, total, out=V.copy(), where=total > 0) - V
+    umbrella = np.divide(summed, total, out=V.copy(), where=total != 0) - V
     tangential = umbrella - measures.dot(umbrella, normals)[:, None] * normals
     return V + fraction * tangential

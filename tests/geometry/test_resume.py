@@ -147,7 +147,8 @@ class TestForeignOrDamaged:
         self.refused("other parameters", arrays, config=replace(self.config, **change))
 
     @pytest.mark.parametrize(
-        "name", ["fingerprint", "position", "previous", "best_position", "counts", "control", "shape"]
+        "name",
+        ["fingerprint", "position", "previous", "best_position", "counts", "control", "shape", "best_shape"],
     )
     def test_an_array_is_missing(self, arrays, name):
         del arrays[name]
