@@ -38,6 +38,7 @@ LEAST_SIZE: Final = 1e-30
 GREATEST_SIZE: Final = 1e30
 # Beyond this many sizes from the origin, float64 leaves a mesh fewer than some 5 digits.
 GREATEST_DISTANCE: Final = 1e10
+_FLAT: Final = 1e-6  # sphericity; a sheet a millionth as thick as it is wide has about 1e-4
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -49,10 +50,14 @@ class ReadMesh:
 
 
 def read(data: bytes, mesh_format: str, limits: ReadLimits) -> RawMesh:
-    """Read bytes known to be of one format; raises `UnreadableError`."""
+    """Return what a file of one format states, looked at no further; raises `UnreadableError`."""
     module, function = _READERS[mesh_format]
     reader: Reader = getattr(import_module(f"spherify.formats.readers.{module}"), function)
-    raw = reader(data, limits)
+    return reader(data, limits)
+
+
+def _check_surface(raw: RawMesh) -> None:
+    """Raise `UnreadableError` unless there are faces over vertices that can be reckoned with."""
     if not len(raw.faces):
         points = f"only {len(raw.vertices):,} points" if len(raw.vertices) else "no points either"
         raise UnreadableError(
@@ -60,7 +65,6 @@ def read(data: bytes, mesh_format: str, limits: ReadLimits) -> RawMesh:
             "reconstruction first."
         )
     _check_coordinates(raw.vertices, np.unique(raw.faces))
-    return raw
 
 
 def accept(data: bytes, name: str, allow: Collection[str], limits: ReadLimits) -> ReadMesh:
@@ -72,7 +76,9 @@ def accept(data: bytes, name: str, allow: Collection[str], limits: ReadLimits) -
 
     """
     mesh_format = agreed_format(data, name)
-    mesh = draft(read(data, mesh_format, limits))
+    raw = read(data, mesh_format, limits)
+    _check_surface(raw)
+    mesh = draft(raw)
     if not len(mesh.faces):
         raise UnreadableError("No face of the file names three different vertices. Export the mesh again.")
     if "components" in allow:
@@ -89,9 +95,6 @@ def accept(data: bytes, name: str, allow: Collection[str], limits: ReadLimits) -
     if problems:
         raise MeshRefusedError(problems[0].code, _sentence(problems), problems, figures)
     return ReadMesh(TriangleMesh.checked(mesh.vertices, mesh.faces), figures)
-
-
-_FLAT: Final = 1e-6  # sphericity; a sheet a millionth as thick as it is wide has about 1e-4
 
 
 def _flat() -> Defect:

@@ -38,7 +38,8 @@ def write_mesh(
     Args:
         mesh: what to write.
         mesh_format: one of `FORMATS_OUT`.
-        precision: of OBJ, OFF and PLY: "double" reads back as the same float64, "float" as the nearest float32. STL
+        precision: of OBJ, OFF and PLY: "double" reads back as the same float64, "float" as the nearest float32 (in
+            text: nine digits, enough to tell each float32 from the next). STL
             and GLB hold float32 always.
         ascii: text instead of binary, where there is a choice (PLY, STL); OBJ and OFF are text always.
 

@@ -68,7 +68,9 @@ def test_components_are_placed_one_in_another():
         + '<component objectid="1"/></components></object>'
     )
     raw = read_3mf(package(model(parts, '<item objectid="2" transform="2 0 0 0 2 0 0 0 2 0 0 0"/>')), LIMITS)
-    assert np.array_equal(raw.vertices, np.concatenate([(CUBE_CORNERS + [1, 0, 0]) * 2, CUBE_CORNERS * 2]))
+    assert np.array_equal(
+        raw.vertices, np.concatenate([(CUBE_CORNERS + np.array([1, 0, 0])) * 2, CUBE_CORNERS * 2])
+    )
     assert np.array_equal(raw.faces, np.concatenate([CUBE_FACES, CUBE_FACES + 8]))
 
 

@@ -54,7 +54,7 @@ def test_nodes_are_placed_one_in_another():
     raw = read_glb(data, LIMITS)
     x, y, z = (2 * CUBE_CORNERS).T
     np.testing.assert_allclose(raw.vertices[:8], np.stack([10 - y, x, z], 1), atol=1e-12)
-    np.testing.assert_allclose(raw.vertices[8:], CUBE_CORNERS + [10, 0, 5])
+    np.testing.assert_allclose(raw.vertices[8:], CUBE_CORNERS + np.array([10, 0, 5]))
     assert np.array_equal(raw.faces, np.concatenate([CUBE_FACES, CUBE_FACES + 8]))
 
 
@@ -185,7 +185,7 @@ def test_counts_are_capped_before_anything_is_allocated():
 
     with pytest.raises(TooLargeError, match="200,000,000"):
         read_glb(changed(claim), LIMITS)
-    with pytest.raises(TooLargeError, match="at most 11"):
+    with pytest.raises(TooLargeError, match="36 items; at most 33"):
         read_glb(CUBE, ReadLimits(max_faces=11))
     with pytest.raises(TooLargeError, match="more than 3 parts"):
         read_glb(changed(lambda d: d["meshes"][0].update(primitives=d["meshes"][0]["primitives"] * 4)),

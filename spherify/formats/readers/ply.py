@@ -8,8 +8,10 @@ from spherify.formats import text
 from spherify.formats.errors import UnreadableError
 from spherify.formats.limits import ReadLimits
 from spherify.formats.raw import RawMesh, check_counts, fans
+from spherify.formats.readers.ply_binary import BinaryRows
 from spherify.formats.readers.ply_header import Element, Header, parse_header
-from spherify.formats.readers.ply_rows import BinaryRows, Rows, TextRows, check_size
+from spherify.formats.readers.ply_rows import Rows, check_size
+from spherify.formats.readers.ply_text import TextRows
 from spherify.formats.report import Repair
 from spherify.geometry.mesh import Floats, Ints
 
@@ -38,10 +40,8 @@ def read_ply(data: bytes, limits: ReadLimits) -> RawMesh:
             else:
                 triangles = _strips(lengths, corners)
             faces.append(triangles)
-        elif element.has_lists:
-            rows.lists(element, next(i for i, prop in enumerate(element.properties) if prop.count_type))
         else:
-            rows.scalars(element, ())
+            rows.skip(element)
     triangles = np.concatenate(faces) if faces else np.empty((0, 3), np.int64)
     check_counts(len(vertices), len(triangles), limits)
     wrong = (triangles < 0) | (triangles >= len(vertices))

@@ -16,8 +16,6 @@ from spherify.formats.raw import check_counts
 from spherify.formats.readers.placed import IDENTITY
 from spherify.geometry.mesh import Floats, Ints
 
-_SEPARATOR: Final = " "  # between the namespace and the name
-_PATH: Final = "http://schemas.microsoft.com/3dmanufacturing/production/2015/06 path"
 _MODEL_RELATION: Final = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"
 _INDEX: Final = "q"  # array's code of a 64-bit integer
 
@@ -50,54 +48,57 @@ class Body:
         return np.array(self.triangles, dtype=np.int64).reshape(-1, 3)
 
 
-@dataclass
 class Model:
-    """What one model part holds."""
+    """What one model part holds; fed with its elements in order."""
 
-    limits: ReadLimits
-    objects: dict[str, Body] = field(default_factory=dict)
-    items: list[Reference] = field(default_factory=list)
-    _current: Body = field(default_factory=Body)
-    _n_vertices: int = 0
-    _n_triangles: int = 0
+    def __init__(self, limits: ReadLimits) -> None:
+        self.objects: dict[str, Body] = {}
+        self.items: list[Reference] = []
+        self._limits = limits
+        self._n_vertices = 0
+        self._n_triangles = 0
+        self._handlers: dict[str, Callable[[Attributes], None]] = {
+            "object": self._object,
+            "component": self._component,
+            "item": self._item,
+        }
+        self._enter(Body())
 
     def start(self, name: str, attributes: Attributes) -> None:
         """Take an element."""
-        handler = _HANDLERS.get(name.rpartition(_SEPARATOR)[2])
+        handler = self._handlers.get(name) or self._handlers.get(_local(name))
         if handler is not None:
-            handler(self, attributes)
+            handler(attributes)
 
-    def _vertex(self, attributes: Attributes) -> None:
-        self._n_vertices += 1
-        if self._n_vertices > self.limits.max_vertices:
-            check_counts(self._n_vertices, 0, self.limits)
-        self._current.vertices.extend(
-            (float(attributes["x"]), float(attributes["y"]), float(attributes["z"]))
-        )
+    def _enter(self, body: Body) -> None:
+        """Let what follows fill a body; its arrays are bound here, as millions of elements go through these two."""
+        self._current = body
+        limits, add_positions, add_corners = self._limits, body.vertices.extend, body.triangles.extend
 
-    def _triangle(self, attributes: Attributes) -> None:
-        self._n_triangles += 1
-        if self._n_triangles > self.limits.max_faces:
-            check_counts(0, self._n_triangles, self.limits)
-        self._current.triangles.extend((int(attributes["v1"]), int(attributes["v2"]), int(attributes["v3"])))
+        def vertex(attributes: Attributes) -> None:
+            self._n_vertices += 1
+            if self._n_vertices > limits.max_vertices:
+                check_counts(self._n_vertices, 0, limits)
+            add_positions((float(attributes["x"]), float(attributes["y"]), float(attributes["z"])))
+
+        def triangle(attributes: Attributes) -> None:
+            self._n_triangles += 1
+            if self._n_triangles > limits.max_faces:
+                check_counts(0, self._n_triangles, limits)
+            add_corners((int(attributes["v1"]), int(attributes["v2"]), int(attributes["v3"])))
+
+        self._handlers["vertex"] = vertex
+        self._handlers["triangle"] = triangle
 
     def _object(self, attributes: Attributes) -> None:
-        self._current = self.objects[attributes["id"]] = Body()
+        body = self.objects[attributes["id"]] = Body()
+        self._enter(body)
 
     def _component(self, attributes: Attributes) -> None:
         self._current.components.append(_reference(attributes))
 
     def _item(self, attributes: Attributes) -> None:
         self.items.append(_reference(attributes))
-
-
-_HANDLERS: Final[dict[str, Callable[[Model, Attributes], None]]] = {
-    "vertex": Model._vertex,
-    "triangle": Model._triangle,
-    "object": Model._object,
-    "component": Model._component,
-    "item": Model._item,
-}
 
 
 def _reference(attributes: Attributes) -> Reference:
@@ -107,7 +108,13 @@ def _reference(attributes: Attributes) -> Reference:
         # Twelve numbers, row by row, of a matrix that acts on row vectors (core specification, section 3.3).
         matrix = np.eye(4)
         matrix[:3, :] = np.array(list(map(float, transform.split()))).reshape(4, 3).T
-    return Reference(attributes["objectid"], matrix, attributes.get(_PATH))
+    path = next((value for name, value in attributes.items() if _local(name) == "path"), None)
+    return Reference(attributes["objectid"], matrix, path)
+
+
+def _local(name: str) -> str:
+    """Return an XML name without its prefix."""
+    return name.rpartition(":")[2]
 
 
 def parse_model(chunks: Iterable[bytes], limits: ReadLimits) -> Model:
@@ -122,7 +129,7 @@ def root_part(chunks: Iterable[bytes]) -> str | None:
     targets: list[str] = []
 
     def start(name: str, attributes: Attributes) -> None:
-        if name.endswith("Relationship") and attributes.get("Type") == _MODEL_RELATION:
+        if _local(name) == "Relationship" and attributes.get("Type") == _MODEL_RELATION:
             targets.append(attributes["Target"])
 
     _parse(chunks, start)
@@ -130,7 +137,7 @@ def root_part(chunks: Iterable[bytes]) -> str | None:
 
 
 def _parse(chunks: Iterable[bytes], start: Callable[[str, Attributes], None]) -> None:
-    parser = expat.ParserCreate(namespace_separator=_SEPARATOR)
+    parser = expat.ParserCreate()
     parser.StartElementHandler = start
     parser.StartDoctypeDeclHandler = _refuse_doctype
     try:
