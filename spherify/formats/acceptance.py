@@ -64,7 +64,9 @@ def _check_surface(raw: RawMesh) -> None:
             f"The file has no faces, {points}. Export the surface as triangles; a point cloud needs a surface "
             "reconstruction first."
         )
-    _check_coordinates(raw.vertices, np.unique(raw.faces))
+    used = np.zeros(len(raw.vertices), dtype=bool)
+    used[raw.faces] = True
+    _check_coordinates(raw.vertices, np.flatnonzero(used))
 
 
 def accept(data: bytes, name: str, allow: Collection[str], limits: ReadLimits) -> ReadMesh:

@@ -6,6 +6,7 @@ import pytest
 from spherify.formats.errors import TooLargeError, UnreadableError
 from spherify.formats.limits import ReadLimits
 from spherify.formats.readers.obj import read_obj
+from spherify.formats.text import widths
 from tests.formats.shapes import CUBE_CORNERS, CUBE_FACES, CUBE_QUADS, LIMITS, obj_bytes
 
 CUBE = obj_bytes(CUBE_CORNERS, CUBE_FACES)
@@ -110,3 +111,11 @@ def test_counts_are_capped():
         read_obj(CUBE, ReadLimits(max_vertices=7))
     with pytest.raises(TooLargeError, match="12 triangles or more; at most 11"):
         read_obj(CUBE, ReadLimits(max_faces=11))
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [[b"1 2 3"], [b"1  2", b"1 2 3"], [b"1\t2 3"], [b""], [b"1", b""], [b"", b"1"], [b" 1 2"], [b"1 2 "]],
+)
+def test_words_are_counted_whatever_parts_them(rows: list[bytes]):
+    assert widths(rows, b" ".join(rows)).tolist() == [len(row.split()) for row in rows]

@@ -54,19 +54,14 @@ def read_obj(data: bytes, limits: ReadLimits) -> RawMesh:
 
 
 def _read_block(parts: _Parts, first: int, lines: list[bytes], limits: ReadLimits) -> None:
-    vertices, vertex_lines, polygons, polygon_lines = [], [], [], []
-    for number, line in enumerate(lines, first):
-        if line[:2] in (b"v ", b"v\t"):
-            vertices.append(_COMMENT.sub(b"", line[2:]) if b"#" in line else line[2:])
-            vertex_lines.append(number)
-        elif line[:2] in (b"f ", b"f\t"):
-            polygons.append(_COMMENT.sub(b"", line[2:]) if b"#" in line else line[2:])
-            polygon_lines.append(number)
+    vertices, vertex_lines = _picked(lines, first, (b"v ", b"v\t"))
+    polygons, polygon_lines = _picked(lines, first, (b"f ", b"f\t"))
     parts.vertices.append(text.coordinates(vertices, vertex_lines))
-    lengths = np.array([len(row.split()) for row in polygons], dtype=np.int64)
+    joined = b" ".join(polygons)
+    lengths = text.widths(polygons, joined) if polygons else np.empty(0, np.int64)
     where = np.array(polygon_lines, dtype=np.int64)
     before = parts.n_vertices + np.searchsorted(np.array(vertex_lines, dtype=np.int64), where)
-    parts.corners.append(_indices(polygons, polygon_lines, lengths, before))
+    parts.corners.append(_indices(polygons, joined, polygon_lines, lengths, before))
     parts.lengths.append(lengths)
     parts.lines.append(where)
     parts.n_vertices += len(vertices)
@@ -74,9 +69,17 @@ def _read_block(parts: _Parts, first: int, lines: list[bytes], limits: ReadLimit
     check_counts(parts.n_vertices, parts.n_triangles, limits)
 
 
-def _indices(polygons: list[bytes], polygon_lines: list[int], lengths: Ints, before: Ints) -> Ints:
+def _picked(lines: list[bytes], first: int, keywords: tuple[bytes, ...]) -> tuple[list[bytes], list[int]]:
+    """Return the lines with one of the keywords, of 2 bytes, without it and comments; and their numbers."""
+    numbers = [number for number, line in enumerate(lines, first) if line.startswith(keywords)]
+    rows = [lines[number - first][2:] for number in numbers]
+    return [_COMMENT.sub(b"", row) if b"#" in row else row for row in rows], numbers
+
+
+def _indices(
+    polygons: list[bytes], joined: bytes, polygon_lines: list[int], lengths: Ints, before: Ints
+) -> Ints:
     """Return 0-based vertex indices; ``before`` counts the vertices defined above each polygon."""
-    joined = b" ".join(polygons)
     named = text.integers(_BEHIND_SLASH.sub(b"", joined) if b"/" in joined else joined, int(lengths.sum()))
     if named is None:
         raise text.bad_integer([_BEHIND_SLASH.sub(b"", row) for row in polygons], polygon_lines)

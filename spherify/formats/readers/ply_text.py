@@ -56,8 +56,9 @@ class TextRows:
     def lists(self, element: Element, column: int) -> tuple[Ints, Ints]:
         """See `Rows.lists`."""
         rows, numbers = self._next(element)
-        widths = np.array([len(row.split()) for row in rows], dtype=np.int64)
-        values = text.numbers(b" ".join(rows), int(widths.sum()))
+        joined = b" ".join(rows)
+        widths = text.widths(rows, joined) if rows else np.empty(0, np.int64)
+        values = text.numbers(joined, int(widths.sum()))
         if values is None:
             raise text.bad_integer(rows, numbers)
         ends = np.cumsum(widths)
