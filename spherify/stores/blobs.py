@@ -22,7 +22,7 @@ from spherify.jobs.ports import BlobStat
 KEY: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._-]{0,127}(/[A-Za-z0-9_][A-Za-z0-9._-]{0,127}){0,7}")
 _SCRATCH: Final = ".scratch"  # no key begins with a dot
 _FULL: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-_RACES: Final = 5  # a delete may remove the folder between our mkdir and our link
+_RACES: Final = 50  # a delete may remove the folder between our mkdir and our link
 
 
 class FolderBlobStore:
@@ -114,8 +114,8 @@ class FolderBlobStore:
 
     def _link(self, path: Path, target: Path, key: str) -> None:
         for attempt in range(_RACES):
-            _make(target.parent, self.root)
             try:
+                _make(target.parent, self.root)
                 os.link(path, target)
             except FileExistsError as e:
                 raise BlobExistsError(f"{key} is written already") from e

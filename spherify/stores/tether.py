@@ -46,7 +46,7 @@ def die_with_parent(parent: int, sig: int = signal.SIGKILL) -> bool:
 
 
 def _watch(parent: int, command: list[str]) -> int:
-    child = subprocess.Popen(command)  # noqa: S603 (the caller's own command line)
+    child = subprocess.Popen(command, close_fds=False)  # noqa: S603 (the caller's own command line and files)
 
     def pass_on(number: int, _frame: FrameType | None) -> None:
         child.send_signal(number)

@@ -1,0 +1,190 @@
+"""Submitting, cancelling, deleting, reconciling, and the end of a job, over the twins in memory."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from spherify.jobs import layout
+from spherify.jobs.cancel import cancel
+from spherify.jobs.codec import load_spec
+from spherify.jobs.delete import delete_job, delete_mesh
+from spherify.jobs.errors import BlobNotFoundError, JobGoneError, MeshNotFoundError, StoreUnavailableError
+from spherify.jobs.ids import earliest_job_id, is_job_id, job_id_at, new_job_id
+from spherify.jobs.model import JobError, JobStatus, Outcome, Progress, Snapshot
+from spherify.jobs.ports import CancelOutcome
+from spherify.jobs.reconcile import Reconciler, sweep_scratch
+from spherify.jobs.results import Result, publish_result, read_result, write_result
+from spherify.jobs.submit import submit
+from spherify.stores.memory import MemoryJobQueue, MemoryJobStore, MemoryMeshStore
+from spherify.stores.memory_blobs import MemoryBlobStore
+from tests.jobs.examples import job_spec, mesh_record
+
+
+@dataclass
+class World:
+    jobs: MemoryJobStore
+    meshes: MemoryMeshStore
+    blobs: MemoryBlobStore
+    queue: MemoryJobQueue
+    now: list[float]
+
+
+@pytest.fixture
+def world(tmp_path: Path) -> World:
+    now = [1000.0]
+    jobs = MemoryJobStore(lease_s=30, max_losses=1, clock=lambda: now[0])
+    return World(jobs, MemoryMeshStore(jobs), MemoryBlobStore(tmp_path), MemoryJobQueue(), now)
+
+
+class BrokenQueue(MemoryJobQueue):
+    def send(self, job_id: str) -> None:
+        raise StoreUnavailableError
+
+
+def test_a_submitted_job_is_durable_recorded_and_sent(world: World) -> None:
+    spec = job_spec(snapshots="1,2", tags=("t",))
+    job = submit(world.jobs, world.blobs, world.queue, spec)
+    assert job.status is JobStatus.ACCEPTED
+    assert load_spec(world.blobs.read(layout.spec(spec.id))) == spec
+    assert world.queue.pending() == {spec.id}
+    assert submit(world.jobs, world.blobs, world.queue, spec) == job
+
+
+def test_a_message_that_cannot_be_sent_is_no_error(world: World) -> None:
+    spec = job_spec()
+    assert submit(world.jobs, world.blobs, BrokenQueue(), spec).status is JobStatus.ACCEPTED
+    assert world.jobs.waiting(0) == [spec.id]
+
+
+def test_a_job_no_queue_holds_is_sent_after_two_scans(world: World) -> None:
+    spec = job_spec()
+    submit(world.jobs, world.blobs, BrokenQueue(), spec)
+    reconciler = Reconciler(world.jobs, world.queue, world.blobs, orphan_s=15)
+    assert reconciler.scan().orphans == ()  # it is young
+    world.now[0] += 16
+    assert reconciler.scan().orphans == ()  # missed once: it may be on its way
+    assert reconciler.scan().orphans == (spec.id,)
+    assert world.queue.pending() == {spec.id}
+    assert reconciler.scan().orphans == ()
+    assert world.queue.take() == spec.id
+    assert [reconciler.scan().orphans for _ in range(3)] == [(), (), ()]  # delivered and not acknowledged
+    world.queue.acknowledge(spec.id)
+    assert [reconciler.scan().orphans for _ in range(2)] == [(), (spec.id,)]
+
+
+def test_a_job_whose_lease_ran_out_is_sent_again_until_it_is_poison(world: World) -> None:
+    spec = job_spec()
+    submit(world.jobs, world.blobs, world.queue, spec)
+    reconciler = Reconciler(world.jobs, world.queue, world.blobs, orphan_s=15)
+    for expected in ((spec.id,), ()):
+        world.queue.acknowledge(world.queue.take())
+        world.jobs.claim(spec.id, "w")
+        assert reconciler.scan().lost == ()
+        world.now[0] += 31
+        assert reconciler.scan().lost == expected
+    assert world.jobs.get(spec.id).status is JobStatus.FAILED
+
+
+def test_a_waiting_job_is_cancelled_for_good(world: World) -> None:
+    spec = job_spec()
+    submit(world.jobs, world.blobs, world.queue, spec)
+    assert cancel(world.jobs, world.blobs, spec.id) is CancelOutcome.CANCELLED
+    assert cancel(world.jobs, world.blobs, spec.id) is CancelOutcome.CANCELLED
+    result = read_result(world.blobs, spec.id)
+    assert result is not None
+    assert result.outcome.status is JobStatus.CANCELLED
+    assert cancel(world.jobs, world.blobs, new_job_id()[0]) is CancelOutcome.UNKNOWN
+
+
+def test_a_running_job_is_only_told(world: World) -> None:
+    spec = job_spec()
+    submit(world.jobs, world.blobs, world.queue, spec)
+    world.jobs.claim(spec.id, "w")
+    assert cancel(world.jobs, world.blobs, spec.id) is CancelOutcome.CANCELLING
+    assert read_result(world.blobs, spec.id) is None
+
+
+def result_of(job_id: str, token: int) -> Result:
+    return Result(
+        job_id,
+        token,
+        Outcome(JobStatus.FAILED, "collapsed", "it broke", 1, 1, JobError("collapsed", "it broke; try ü")),
+        Progress(2, 3, 1.0, 1.0, 2.0),
+        (Snapshot(0, "k", "s", 1, {"sphericity": 0.5}, 1.0), Snapshot(1, "l", "t", 2, {}, 2.0)),
+        ({"iteration": 0, "sphericity": 0.5}, {"iteration": 1, "sphericity": 0.1 + 0.2}),
+    )
+
+
+def test_the_first_result_counts(world: World) -> None:
+    first = result_of("job_a", 1)
+    assert write_result(world.blobs, first) is first
+    assert write_result(world.blobs, Result("job_a", 2, Outcome(JobStatus.SUCCESSFUL))) == first
+    assert read_result(world.blobs, "job_a") == first
+    assert read_result(world.blobs, "job_b") is None
+    assert json.loads(world.blobs.read(layout.result("job_a")))["snapshots"][1]["sha256"] == "t"
+
+
+def test_any_attempt_can_tell_the_record_of_a_result(world: World) -> None:
+    spec = job_spec()
+    submit(world.jobs, world.blobs, world.queue, spec)
+    world.jobs.claim(spec.id, "dies")
+    result = write_result(world.blobs, result_of(spec.id, 1))
+    world.now[0] += 31
+    token = world.jobs.claim(spec.id, "finds it").token
+    assert not publish_result(world.jobs, 1, result)  # the first one is fenced
+    assert publish_result(world.jobs, token, result)
+    assert publish_result(world.jobs, token, result)
+    job = world.jobs.get(spec.id)
+    assert (job.status, job.error, job.result_iteration) == (JobStatus.FAILED, result.outcome.error, 1)
+    assert job.snapshots == tuple(result.snapshots)
+    assert world.jobs.metrics(spec.id) == list(result.rows)
+    assert job.progress == result.progress
+
+
+def test_deleting_removes_the_files(world: World) -> None:
+    spec, mesh = job_spec(), mesh_record()
+    world.meshes.add(mesh)
+    world.blobs.create(layout.mesh_arrays(mesh.id), b"")
+    submit(world.jobs, world.blobs, world.queue, spec)
+    cancel(world.jobs, world.blobs, spec.id)
+    delete_job(world.jobs, world.blobs, spec.id)
+    with pytest.raises(JobGoneError):
+        world.jobs.get(spec.id)
+    assert list(world.blobs.list(layout.job_folder(spec.id))) == []
+    delete_mesh(world.meshes, world.blobs, mesh.id)
+    with pytest.raises(MeshNotFoundError):
+        world.meshes.get(mesh.id)
+    with pytest.raises(BlobNotFoundError):
+        world.blobs.read(layout.mesh_arrays(mesh.id))
+
+
+def test_old_scratch_files_are_swept(tmp_path: Path) -> None:
+    old, young = tmp_path / "old", tmp_path / "young"
+    for path in (old, young):
+        path.write_bytes(b"")
+    os.utime(old, (1.0, 1.0))
+    assert sweep_scratch(tmp_path.iterdir(), 3600.0) == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["young"]
+    assert sweep_scratch([old], 3600.0) == 0  # somebody was quicker
+
+
+def test_identifiers_sort_by_time_and_are_recognised() -> None:
+    made = [job_id_at(1_700_000_000.0 + i / 1000) for i in range(5)]
+    assert made == sorted(made)
+    assert all(is_job_id(job_id) for job_id in made)
+    assert made[1] < earliest_job_id(1_700_000_000.002) <= made[2]
+    job_id, created = new_job_id()
+    assert earliest_job_id(created) <= job_id
+    for text in ("", "job_", made[0].lower(), made[0] + "0", "mesh" + made[0][3:], made[0] + "\n"):
+        assert not is_job_id(text)
+
+
+def test_names_of_files_sort_as_numbers_and_tell_them() -> None:
+    keys = [layout.numbered(layout.snapshots("j"), token, it) for token in (2, 10) for it in (9, 100)]
+    assert keys == sorted(keys)
+    assert [layout.numbers(key) for key in keys] == [(2, 9), (2, 100), (10, 9), (10, 100)]

@@ -1,0 +1,371 @@
+"""One suite for the twin in memory and the real server: what the port promises."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+import redis
+
+from spherify.jobs.errors import (
+    InvalidCursorError,
+    JobGoneError,
+    JobNotFinishedError,
+    JobNotFoundError,
+)
+from spherify.jobs.ids import new_job_id
+from spherify.jobs.model import JobError, JobStatus, Outcome, Progress, Snapshot
+from spherify.jobs.ports import CancelOutcome, Claim, ClaimOutcome, JobStore, Renewal
+from spherify.stores.memory import MemoryJobStore
+from spherify.stores.redis_jobs import RedisJobStore
+from tests.jobs.examples import job_spec
+
+DONE = Outcome(JobStatus.SUCCESSFUL, "converged", "round", result_iteration=3, best_iteration=2)
+MakeStore = Callable[..., JobStore]
+
+
+@pytest.fixture(params=["memory", "redis"])
+def make(request: pytest.FixtureRequest) -> MakeStore:
+    """Return a maker of stores over the same records, with a lease and a cap of one's own."""
+    if request.param == "redis":
+        client: redis.Redis = request.getfixturevalue("client")
+        return lambda **options: RedisJobStore(client, **options)
+    first = MemoryJobStore()
+
+    def twin(lease_s: float = 30.0, max_losses: int = 3) -> JobStore:
+        store = MemoryJobStore(lease_s=lease_s, max_losses=max_losses)
+        store._entries, store._gone = first._entries, first._gone
+        return store
+
+    return twin
+
+
+@pytest.fixture
+def jobs(make: MakeStore) -> JobStore:
+    return make()
+
+
+@pytest.fixture
+def forgetful(make: MakeStore) -> JobStore:
+    """A store over the same records whose leases have run out when they are given."""
+    return make(lease_s=-1.0, max_losses=1)
+
+
+def snapshot(iteration: int, key: str = "k") -> Snapshot:
+    return Snapshot(iteration, key, "0" * 64, 8, {"sphericity": 0.5}, 1.0)
+
+
+def running(jobs: JobStore) -> tuple[str, int]:
+    job = jobs.add(job_spec())
+    claim = jobs.claim(job.id, "w")
+    assert claim.outcome is ClaimOutcome.CLAIMED
+    return job.id, claim.token
+
+
+def test_a_new_job_is_accepted_and_queued(jobs: JobStore) -> None:
+    spec = job_spec(tags=("a", "b"), snapshots="1,2")
+    job = jobs.add(spec)
+    assert job == jobs.get(spec.id)
+    assert job.spec == spec
+    assert (job.status, job.rev, job.token, job.attempt, job.losses) == (JobStatus.ACCEPTED, 1, 0, 0, 0)
+    assert job.queue_position == 0
+    assert jobs.add(job_spec()).queue_position == 1
+    assert jobs.waiting(0) == [spec.id, jobs.waiting(0)[1]]
+    assert jobs.waiting(60) == []
+
+
+def test_adding_again_changes_nothing(jobs: JobStore) -> None:
+    spec = job_spec()
+    jobs.add(spec)
+    jobs.claim(spec.id, "w")
+    assert jobs.add(spec).status is JobStatus.RUNNING
+    assert jobs.counts()[JobStatus.ACCEPTED] == 0
+
+
+def test_an_unknown_job(jobs: JobStore) -> None:
+    job_id, _ = new_job_id()
+    with pytest.raises(JobNotFoundError):
+        jobs.get(job_id)
+    with pytest.raises(JobNotFoundError):
+        jobs.metrics(job_id)
+    with pytest.raises(JobNotFoundError):
+        jobs.delete(job_id)
+    assert jobs.request_cancel(job_id) is CancelOutcome.UNKNOWN
+    assert jobs.claim(job_id, "w") == Claim(ClaimOutcome.DONE)
+    assert jobs.renew(job_id, 1) is Renewal.FENCED
+    assert not jobs.report(job_id, 1, Progress(0, 1))
+    assert not jobs.add_snapshot(job_id, 1, snapshot(0))
+    assert not jobs.release(job_id, 1)
+    assert not jobs.lose(job_id, 1)
+    assert not jobs.commit(job_id, 1, DONE)
+    assert sum(jobs.counts().values()) == 0
+
+
+def test_a_claimed_job_is_held_by_one(jobs: JobStore) -> None:
+    job_id, token = running(jobs)
+    assert token == 1
+    assert jobs.claim(job_id, "other") == Claim(ClaimOutcome.LEASED)
+    job = jobs.get(job_id)
+    assert (job.status, job.worker, job.attempt, job.queue_position) == (JobStatus.RUNNING, "w", 1, None)
+    assert job.started_at is not None
+    assert job.lease_until is not None
+    assert job.lease_until > job.started_at
+    assert jobs.waiting(0) == []
+    assert jobs.renew(job_id, token) is Renewal.HELD
+    assert jobs.lost() == []
+
+
+def test_reports_are_idempotent_and_rows_ascend(jobs: JobStore) -> None:
+    job_id, token = running(jobs)
+    rows = [{"iteration": i, "sphericity": i / 10} for i in (10, 9, 100)]
+    for _ in range(2):
+        assert jobs.report(job_id, token, Progress(100, 200, 5.0, 20.0, 1.5), rows)
+    job = jobs.get(job_id)
+    assert job.progress == Progress(100, 200, 5.0, 20.0, 1.5)
+    assert job.metrics == {"sphericity": 10.0}
+    assert jobs.metrics(job_id) == [{"iteration": i, "sphericity": i / 10} for i in (9, 10, 100)]
+    assert jobs.report(job_id, token, Progress(101, 200))
+    assert jobs.get(job_id).metrics == {"sphericity": 10.0}
+
+
+def test_many_rows_at_once(jobs: JobStore) -> None:
+    job_id, token = running(jobs)
+    rows = [{"iteration": i, "sphericity": 0.5} for i in range(1700)]
+    assert jobs.report(job_id, token, Progress(1699, 2000), rows)
+    assert jobs.metrics(job_id) == rows
+
+
+def test_snapshots_ascend_and_a_later_one_replaces(jobs: JobStore) -> None:
+    job_id, token = running(jobs)
+    for it, key in ((100, "a"), (5, "b"), (100, "c")):
+        assert jobs.add_snapshot(job_id, token, snapshot(it, key))
+    assert [(s.iteration, s.key) for s in jobs.get(job_id).snapshots] == [(5, "b"), (100, "c")]
+
+
+def test_a_commit_ends_the_job_once(jobs: JobStore) -> None:
+    job_id, token = running(jobs)
+    assert jobs.commit(job_id, token, DONE)
+    job = jobs.get(job_id)
+    assert (job.status, job.stop_reason, job.stop_detail) == (JobStatus.SUCCESSFUL, "converged", "round")
+    assert (job.result_iteration, job.best_iteration, job.error) == (3, 2, None)
+    assert (job.worker, job.lease_until) == (None, None)
+    assert job.finished_at is not None
+    assert jobs.commit(job_id, token, DONE)
+    assert not jobs.commit(job_id, token, Outcome(JobStatus.FAILED))
+    assert not jobs.commit(job_id, token + 1, DONE)
+    assert jobs.get(job_id) == job
+    assert jobs.request_cancel(job_id) is CancelOutcome.FINISHED
+    assert jobs.claim(job_id, "w") == Claim(ClaimOutcome.DONE)
+    assert jobs.lost() == []
+
+
+def test_a_failure_says_why(jobs: JobStore) -> None:
+    job_id, token = running(jobs)
+    error = JobError("collapsed", "iteration 7; try “robust”")
+    assert jobs.commit(job_id, token, Outcome(JobStatus.FAILED, "collapsed", error=error, result_iteration=0))
+    assert jobs.get(job_id).error == error
+
+
+def test_a_waiting_job_is_cancelled_at_once(jobs: JobStore) -> None:
+    job_id = jobs.add(job_spec()).id
+    assert jobs.request_cancel(job_id) is CancelOutcome.CANCELLED
+    assert jobs.request_cancel(job_id) is CancelOutcome.CANCELLED
+    job = jobs.get(job_id)
+    assert (job.status, job.stop_reason, job.queue_position) == (JobStatus.CANCELLED, "cancelled", None)
+    assert jobs.claim(job_id, "w") == Claim(ClaimOutcome.DONE)
+    assert jobs.waiting(0) == []
+
+
+def test_a_running_job_is_told_and_then_cancelled_whatever_it_says(jobs: JobStore) -> None:
+    job_id, token = running(jobs)
+    assert jobs.request_cancel(job_id) is CancelOutcome.CANCELLING
+    assert jobs.request_cancel(job_id) is CancelOutcome.CANCELLING
+    assert jobs.get(job_id).status is JobStatus.CANCELLING
+    assert jobs.renew(job_id, token) is Renewal.CANCEL
+    assert jobs.report(job_id, token, Progress(1, 2))
+    assert jobs.commit(job_id, token, DONE)
+    job = jobs.get(job_id)
+    assert (job.status, job.stop_reason, job.stop_detail) == (JobStatus.CANCELLED, "cancelled", None)
+
+
+def test_a_released_job_is_next_and_has_lost_nothing(jobs: JobStore) -> None:
+    job_id, token = running(jobs)
+    jobs.add(job_spec())
+    assert jobs.release(job_id, token)
+    job = jobs.get(job_id)
+    assert (job.status, job.losses, job.queue_position, job.worker) == (JobStatus.ACCEPTED, 0, 0, None)
+    assert jobs.renew(job_id, token) is Renewal.FENCED
+    assert jobs.claim(job_id, "w") == Claim(ClaimOutcome.CLAIMED, 2)
+    assert jobs.get(job_id).started_at == job.started_at
+
+
+def test_releasing_a_job_to_be_cancelled_cancels_it(jobs: JobStore) -> None:
+    job_id, token = running(jobs)
+    jobs.request_cancel(job_id)
+    assert jobs.release(job_id, token)
+    assert jobs.get(job_id).status is JobStatus.CANCELLED
+
+
+def test_whoever_lost_the_lease_writes_nothing_more(jobs: JobStore, forgetful: JobStore) -> None:
+    job_id = jobs.add(job_spec()).id
+    old = forgetful.claim(job_id, "old")
+    assert forgetful.lost() == [job_id]
+    job = jobs.get(job_id)
+    assert (job.status, job.losses) == (JobStatus.ACCEPTED, 1)
+    new = jobs.claim(job_id, "new")
+    assert new.token > old.token
+    before = jobs.get(job_id)
+    assert jobs.renew(job_id, old.token) is Renewal.FENCED
+    assert not jobs.report(job_id, old.token, Progress(9, 9), [{"iteration": 9}])
+    assert not jobs.add_snapshot(job_id, old.token, snapshot(9))
+    assert not jobs.commit(job_id, old.token, DONE)
+    assert not jobs.release(job_id, old.token)
+    assert not jobs.lose(job_id, old.token)
+    assert jobs.get(job_id) == before
+    assert jobs.metrics(job_id) == []
+
+
+def test_a_dead_lease_may_be_claimed_directly(jobs: JobStore, forgetful: JobStore) -> None:
+    job_id = jobs.add(job_spec()).id
+    forgetful.claim(job_id, "old")
+    assert jobs.claim(job_id, "new") == Claim(ClaimOutcome.CLAIMED, 2)
+    assert (jobs.get(job_id).losses, jobs.get(job_id).attempt) == (1, 2)
+
+
+def test_a_worker_that_renews_late_keeps_a_job_nobody_took(jobs: JobStore, forgetful: JobStore) -> None:
+    job_id = jobs.add(job_spec()).id
+    token = forgetful.claim(job_id, "late").token
+    assert jobs.renew(job_id, token) is Renewal.HELD
+    assert forgetful.lost() == []
+
+
+def test_a_job_that_loses_too_many_workers_fails(jobs: JobStore, forgetful: JobStore) -> None:
+    job_id = jobs.add(job_spec()).id
+    forgetful.claim(job_id, "w")
+    forgetful.claim(job_id, "w")  # the first loss
+    assert forgetful.claim(job_id, "w") == Claim(ClaimOutcome.POISONED)  # the second, of one allowed
+    job = jobs.get(job_id)
+    assert (job.status, job.losses) == (JobStatus.FAILED, 2)
+    assert job.error is not None
+    assert job.error.code == "worker-lost"
+    assert "2 times" in job.error.detail
+    assert forgetful.claim(job_id, "w") == Claim(ClaimOutcome.DONE)
+
+
+def test_poison_is_found_without_a_claim(jobs: JobStore, forgetful: JobStore) -> None:
+    job_id = jobs.add(job_spec()).id
+    forgetful.claim(job_id, "w")
+    forgetful.claim(job_id, "w")
+    assert forgetful.lost() == []
+    assert jobs.get(job_id).status is JobStatus.FAILED
+
+
+def test_a_runner_that_died_counts_as_a_loss(make: MakeStore) -> None:
+    jobs = make(max_losses=1)
+    job_id, token = running(jobs)
+    assert jobs.lose(job_id, token)
+    assert (jobs.get(job_id).status, jobs.get(job_id).losses) == (JobStatus.ACCEPTED, 1)
+    token = jobs.claim(job_id, "w").token
+    assert not jobs.lose(job_id, token)
+    assert jobs.get(job_id).status is JobStatus.FAILED
+
+
+@pytest.mark.parametrize("found_by", ["lost", "claim"])
+def test_a_job_to_be_cancelled_whose_worker_is_lost_is_cancelled(
+    jobs: JobStore, forgetful: JobStore, found_by: str
+) -> None:
+    job_id = jobs.add(job_spec()).id
+    forgetful.claim(job_id, "w")
+    jobs.request_cancel(job_id)
+    if found_by == "lost":
+        assert jobs.lost() == []
+    else:
+        assert jobs.claim(job_id, "other") == Claim(ClaimOutcome.DONE)
+    job = jobs.get(job_id)
+    assert (job.status, job.losses, job.stop_reason) == (JobStatus.CANCELLED, 0, "cancelled")
+
+
+def test_only_a_finished_job_is_deleted_and_leaves_a_tombstone(jobs: JobStore) -> None:
+    spec = job_spec(tags=("t",))
+    jobs.add(spec)
+    with pytest.raises(JobNotFinishedError):
+        jobs.delete(spec.id)
+    jobs.request_cancel(spec.id)
+    jobs.delete(spec.id)
+    with pytest.raises(JobGoneError):
+        jobs.get(spec.id)
+    with pytest.raises(JobGoneError):
+        jobs.metrics(spec.id)
+    with pytest.raises(JobGoneError):
+        jobs.add(spec)
+    assert jobs.find().items == jobs.find(tag="t").items == jobs.find(mesh_id=spec.mesh_id).items == ()
+    assert sum(jobs.counts().values()) == 0
+
+
+def test_pages_are_newest_first_and_complete(jobs: JobStore) -> None:
+    specs = [job_spec(at=1_700_000_000.0 + i, tags=("odd",) if i % 2 else ("even",)) for i in range(7)]
+    for spec in specs:
+        jobs.add(spec)
+    expected = [spec.id for spec in reversed(specs)]
+    seen: list[str] = []
+    cursor = None
+    for _ in range(4):
+        page = jobs.find(limit=2, cursor=cursor)
+        seen += [job.id for job in page.items]
+        cursor = page.next_cursor
+    assert seen == expected
+    assert cursor is None
+    assert jobs.find(limit=7).next_cursor is None
+    assert [job.id for job in jobs.find(tag="odd").items] == expected[1::2]
+
+
+def test_listings_filter_by_everything_at_once(jobs: JobStore) -> None:
+    other = "mesh_" + "1" * 26
+    old = job_spec(at=1_700_000_000.0, tags=("t",))
+    new = job_spec(at=1_700_000_010.0, tags=("t", "u"))
+    elsewhere = job_spec(at=1_700_000_020.0, tags=("t",), mesh_id=other)
+    for spec in (old, new, elsewhere):
+        jobs.add(spec)
+    jobs.request_cancel(old.id)
+
+    def ids(**filters: object) -> list[str]:
+        return [job.id for job in jobs.find(**filters).items]  # type: ignore[arg-type]
+
+    assert ids(status=JobStatus.ACCEPTED) == [elsewhere.id, new.id]
+    assert ids(status=JobStatus.CANCELLED) == [old.id]
+    assert ids(mesh_id=other) == [elsewhere.id]
+    assert ids(tag="t", mesh_id=old.mesh_id) == [new.id, old.id]
+    assert ids(tag="t", mesh_id=old.mesh_id, status=JobStatus.ACCEPTED) == [new.id]
+    assert ids(created_after=1_700_000_000.0) == [elsewhere.id, new.id]
+    assert ids(created_after=1_700_000_015.5) == [elsewhere.id]
+    assert ids(tag="none") == []
+
+
+@pytest.mark.parametrize("cursor", ["", "x", "job_", "mesh_1", "job_01K00000000000000000000000x"])
+def test_a_cursor_must_be_one_of_ours(jobs: JobStore, cursor: str) -> None:
+    with pytest.raises(InvalidCursorError):
+        jobs.find(cursor=cursor)
+
+
+def test_every_change_raises_the_revision(jobs: JobStore) -> None:
+    job_id = jobs.add(job_spec()).id
+    revisions = [jobs.get(job_id).rev]
+
+    def changed() -> None:
+        revisions.append(jobs.get(job_id).rev)
+
+    token = jobs.claim(job_id, "w").token
+    changed()
+    jobs.report(job_id, token, Progress(1, 2))
+    changed()
+    jobs.add_snapshot(job_id, token, snapshot(0))
+    changed()
+    jobs.request_cancel(job_id)
+    changed()
+    jobs.commit(job_id, token, DONE)
+    changed()
+    assert revisions == sorted(set(revisions))
+
+
+def test_the_server_answers(jobs: JobStore) -> None:
+    jobs.ping()

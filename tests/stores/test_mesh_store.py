@@ -1,0 +1,79 @@
+from __future__ import annotations
+
+import pytest
+import redis
+
+from spherify.jobs.errors import InvalidCursorError, MeshInUseError, MeshNotFoundError
+from spherify.jobs.ports import JobStore, MeshStore
+from spherify.stores.memory import MemoryJobStore, MemoryMeshStore
+from spherify.stores.redis_jobs import RedisJobStore
+from spherify.stores.redis_meshes import RedisMeshStore
+from tests.jobs.examples import job_spec, mesh_record
+
+Stores = tuple[MeshStore, JobStore]
+
+
+@pytest.fixture(params=["memory", "redis"])
+def stores(request: pytest.FixtureRequest) -> Stores:
+    if request.param == "memory":
+        jobs = MemoryJobStore()
+        return MemoryMeshStore(jobs), jobs
+    client: redis.Redis = request.getfixturevalue("client")
+    return RedisMeshStore(client), RedisJobStore(client)
+
+
+def mesh_id(number: int) -> str:
+    return f"mesh_{number:026d}"
+
+
+def test_a_mesh_is_known_once(stores: Stores) -> None:
+    meshes, _ = stores
+    record = mesh_record()
+    assert meshes.add(record) is True
+    assert meshes.add(mesh_record(created_at=2.0)) is False
+    assert meshes.get(record.id) == record
+    assert meshes.find().items == (record,)
+
+
+def test_an_unknown_mesh(stores: Stores) -> None:
+    meshes, _ = stores
+    with pytest.raises(MeshNotFoundError):
+        meshes.get(mesh_id(1))
+    with pytest.raises(MeshNotFoundError):
+        meshes.delete(mesh_id(1))
+
+
+def test_pages_are_newest_first_and_complete_even_at_one_moment(stores: Stores) -> None:
+    meshes, _ = stores
+    for number in range(7):
+        meshes.add(mesh_record(mesh_id(number), created_at=float(number // 3)))
+    seen: list[str] = []
+    cursor = None
+    for _ in range(4):
+        page = meshes.find(limit=2, cursor=cursor)
+        seen += [record.id for record in page.items]
+        cursor = page.next_cursor
+    assert cursor is None
+    assert seen == [mesh_id(number) for number in (6, 5, 4, 3, 2, 1, 0)]
+    assert meshes.find(limit=7).next_cursor is None
+
+
+def test_a_mesh_goes_when_no_job_names_it(stores: Stores) -> None:
+    meshes, jobs = stores
+    record = mesh_record()
+    meshes.add(record)
+    job = jobs.add(job_spec(mesh_id=record.id))
+    with pytest.raises(MeshInUseError):
+        meshes.delete(record.id)
+    jobs.request_cancel(job.id)
+    with pytest.raises(MeshInUseError):
+        meshes.delete(record.id)
+    jobs.delete(job.id)
+    meshes.delete(record.id)
+    assert meshes.find().items == ()
+
+
+@pytest.mark.parametrize("cursor", ["", "x", "1.0", "1.0~", "nan~mesh_1", "~mesh_1"])
+def test_a_cursor_must_be_one_of_ours(stores: Stores, cursor: str) -> None:
+    with pytest.raises(InvalidCursorError):
+        stores[0].find(cursor=cursor)

@@ -1,0 +1,112 @@
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import redis
+from celery import Celery
+
+from spherify.jobs.errors import StoreUnavailableError
+from spherify.jobs.ids import new_job_id
+from spherify.settings import Settings
+from spherify.stores import keys
+from spherify.stores.connect import open_stores
+from spherify.stores.embedded import EmbeddedServer
+from spherify.stores.leader import Leadership
+from spherify.stores.queue import CeleryJobQueue, broker_url, transport
+from tests.jobs.examples import job_spec
+
+
+@pytest.fixture
+def queue(server: EmbeddedServer, client: redis.Redis) -> Iterator[CeleryJobQueue]:
+    queue = CeleryJobQueue(server.url)
+    yield queue
+    queue.close()
+
+
+def test_what_is_sent_is_pending_until_it_is_acknowledged(
+    server: EmbeddedServer, queue: CeleryJobQueue, client: redis.Redis
+) -> None:
+    first, second = new_job_id()[0], new_job_id()[0]
+    queue.send(first)
+    queue.send(second)
+    assert queue.pending() == {first, second}
+    consumer = Celery(broker=broker_url(server.url), set_as_current=False)
+    consumer.conf.broker_transport_options = transport(server.url)
+    with consumer.connection() as connection, connection.SimpleQueue(keys.QUEUE) as box:
+        message = box.get(timeout=5)
+        assert message.headers["id"] == first
+        assert queue.pending() == {first, second}  # one in the queue, one delivered
+        tag = message.delivery_tag
+        client.zadd(keys.UNACKED_INDEX, {tag: 1.0})
+        queue.keep(tag)
+        assert (client.zscore(keys.UNACKED_INDEX, tag) or 0) > 1.0
+        message.ack()
+        assert queue.pending() == {second}
+        queue.keep(tag)
+        assert client.zscore(keys.UNACKED_INDEX, tag) is None
+    consumer.close()
+
+
+def test_a_message_names_its_job_and_nothing_else(queue: CeleryJobQueue, client: redis.Redis) -> None:
+    job_id = new_job_id()[0]
+    queue.send(job_id)
+    assert client.llen(keys.QUEUE) == 1
+    # Celery's own bindings, and nothing that grows
+    others = [key for key in client.keys("*") if key != keys.QUEUE and not key.startswith("_kombu.binding")]
+    assert others == []
+
+
+@pytest.mark.parametrize(
+    ("url", "broker"),
+    [
+        ("redis://host:6379/3", "redis://host:6379/3"),
+        ("unix:///tmp/a.sock", "redis+socket:///tmp/a.sock?virtual_host=0"),
+        ("unix:///tmp/a.sock?db=2", "redis+socket:///tmp/a.sock?virtual_host=2"),
+    ],
+)
+def test_addresses_in_celerys_spelling(url: str, broker: str) -> None:
+    assert broker_url(url) == broker
+
+
+@pytest.mark.parametrize("how", ["gone", "silent"])
+def test_a_server_that_does_not_answer_is_named_and_nothing_hangs(tmp_path: Path, how: str) -> None:
+    with EmbeddedServer(tmp_path / "server") as server:
+        stores = open_stores(Settings(redis_url=server.url, data_dir=tmp_path))
+        job = stores.jobs.add(job_spec())
+        stores.queue.send(job.id)
+        pid = server.pid
+        assert pid is not None
+        os.kill(pid, signal.SIGKILL if how == "gone" else signal.SIGSTOP)
+        try:
+            for use in (
+                stores.jobs.counts,
+                lambda: stores.jobs.get(job.id),
+                lambda: stores.jobs.request_cancel(job.id),
+                stores.meshes.find,
+                stores.queue.pending,
+                lambda: stores.queue.send(job.id),
+            ):
+                with pytest.raises(StoreUnavailableError):
+                    use()
+        finally:
+            if how == "silent":
+                os.kill(pid, signal.SIGCONT)
+        server.start()  # the same one goes on, or a new one on the same data
+        assert stores.jobs.get(job.id) == job
+        assert stores.queue.pending() == {job.id}
+        stores.close()
+
+
+def test_one_leads_and_another_follows_when_it_resigns(client: redis.Redis) -> None:
+    one, two = Leadership(client, "one", lease_s=60), Leadership(client, "two", lease_s=60)
+    assert one.acquire()
+    assert not two.acquire()
+    assert one.acquire()
+    two.resign()
+    assert one.acquire()
+    one.resign()
+    assert two.acquire()
