@@ -74,7 +74,7 @@ def json_answer(
     headers: dict[str, str] | None = None,
 ) -> Response:
     """Return a model as JSON; 304 when it is a GET and the client has it."""
-    data = answer.model_dump_json().encode()
+    data = answer.model_dump_json(by_alias=True).encode()
     tag = etag or f'W/"{hashlib.sha256(data).hexdigest()[:24]}"'
     common = {"ETag": tag, "Cache-Control": cache_control, **(headers or {})}
     if request.method == "GET" and matches(request, tag):

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from spherify.jobs.ports import BlobStore
     from spherify.settings import Settings
 
+FORM: Final = "multipart/form-data"
 FILE_FIELD: Final = "file"
 MAX_FIELDS: Final = 200
 MAX_FIELD_BYTES: Final = 64 * KIB
@@ -124,14 +125,22 @@ class _Reader:
         self.complete = True
 
 
+def media_type(request: Request) -> str:
+    """Return the body's media type without its parameters, "" if none is named."""
+    return request.headers.get("content-type", "").split(";")[0].strip().lower()
+
+
 @asynccontextmanager
 async def multipart(request: Request, blobs: BlobStore, settings: Settings) -> AsyncIterator[Form]:
     """Receive a form.
 
     Raises:
-        ProblemError: malformed-multipart, invalid-parameters, and what `service.uploads` raises.
+        ProblemError: unsupported-media-type, malformed-multipart, invalid-parameters, and what
+            `service.uploads` raises.
 
     """
+    if media_type(request) != FORM:
+        raise ProblemError("unsupported-media-type", f"send {FORM}, not {media_type(request)!r}")
     _, options = parse_options_header(request.headers.get("content-type"))
     boundary = options.get(b"boundary", b"")
     if not boundary:

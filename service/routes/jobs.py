@@ -13,7 +13,7 @@ from fastapi import APIRouter, Query, Request, Response
 from service import documentation as doc
 from service.context import Context, Services
 from service.delivery import json_answer
-from service.forms import multipart
+from service.forms import FORM, media_type, multipart
 from service.identifiers import JobId
 from service.paging import DEFAULT_LIMIT, Cursor, Limit, link_header, links
 from service.problems import ProblemError, invalid
@@ -85,11 +85,11 @@ async def create_job(request: Request, context: Context) -> Response:
     be a field of its own (`-F step=0.02`), or all in `parameters` as JSON. As JSON: the same names, with `mesh_id`.
     The answer is the whole job; follow `links.self` until `done`.
     """
-    kind = request.headers.get("content-type", "").split(";")[0].strip().lower()
+    kind = media_type(request)
     if kind == "application/json":
         text = await small_body(request, MAX_JSON_BYTES, context.settings.upload_timeout_s)
         job = await to_thread.run_sync(_submit_known, context, parse_json(text), "#/mesh_id")
-    elif kind == "multipart/form-data":
+    elif kind == FORM:
         job = await _from_form(request, context)
     else:
         raise ProblemError(

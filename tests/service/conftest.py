@@ -114,10 +114,15 @@ def stores(shared_stores: Stores) -> Iterator[Stores]:
     assert leftovers == [], "every scratch file is removed"
 
 
-@pytest.fixture
-def client(base_url: str, stores: Stores) -> Iterator[httpx.Client]:
+@pytest.fixture(scope="session")
+def shared_client(base_url: str) -> Iterator[httpx.Client]:
     with httpx.Client(base_url=base_url, timeout=30) as client:
         yield client
+
+
+@pytest.fixture
+def client(shared_client: httpx.Client, stores: Stores) -> httpx.Client:
+    return shared_client
 
 
 @dataclass

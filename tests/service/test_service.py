@@ -1,0 +1,205 @@
+from __future__ import annotations
+
+import ast
+import logging
+import os
+import re
+import socket
+import subprocess
+import sys
+import threading
+import time
+from dataclasses import fields
+from pathlib import Path
+
+import httpx
+import pytest
+
+import service
+from service.schemas import FiguresOut
+from spherify.geometry.metrics import Metrics
+from spherify.geometry.presets import PRESETS
+from spherify.parameters import Parameters
+from spherify.settings import Settings
+from spherify.stores.connect import Stores, open_stores
+from tests.service.conftest import OCTAHEDRON, Hand, problem, serve
+
+ROOT = Path(service.__file__).parent
+
+
+def test_info_names_limits_and_formats(
+    client: httpx.Client, settings: Settings, submitted: type[Hand]
+) -> None:
+    submitted()
+    info = client.get("/v1/info").json()
+    assert info["limits"]["max_upload_bytes"] == settings.max_upload_bytes
+    assert [form["name"] for form in info["formats"]["read"]] == ["obj", "ply", "stl", "off", "glb", "3mf"]
+    assert [form["name"] for form in info["formats"]["written"]] == ["obj", "ply", "stl", "off", "glb"]
+    assert info["jobs"]["accepted"] == 1
+    assert info["default_preset"] in PRESETS
+
+
+def test_presets_are_whole_and_can_be_sent_back(client: httpx.Client, known: str) -> None:
+    presets = client.get("/v1/presets").json()["items"]
+    assert {preset["name"] for preset in presets} == set(PRESETS)
+    assert [preset["default"] for preset in presets] == [True, False, False]
+    for preset in presets:
+        request = {"mesh_id": known, "preset": preset["name"], "parameters": preset["parameters"]}
+        job = client.post("/v1/jobs", json=request).json()
+        assert job["parameters"] == preset["parameters"]
+
+
+def test_parameters_are_a_schema_with_defaults(client: httpx.Client) -> None:
+    answer = client.get("/v1/parameters").json()
+    properties = answer["schema"]["properties"]
+    assert set(properties) == set(Parameters.model_fields)
+    assert all(entry["title"] for entry in properties.values())
+    assert properties["momentum"]["exclusiveMaximum"] == 1
+    for name, preset in PRESETS.items():
+        assert answer["defaults"][name] == Parameters.of(preset.config).model_dump(mode="json")
+
+
+def test_health_needs_nothing_and_readiness_says_what_is_down(
+    settings: Settings, client: httpx.Client
+) -> None:
+    assert client.get("/readyz").json()["status"] == "ready"
+    lost = settings.model_copy(update={"redis_url": "redis://127.0.0.1:1/0"})
+    stores = open_stores(lost)
+    with serve(lost, stores) as url:
+        assert httpx.get(f"{url}/healthz").json() == {"status": "ok"}
+        document = problem(httpx.get(f"{url}/readyz"), 503, "not-ready")
+        assert httpx.get(f"{url}/v1/info").json()["jobs"] is None
+    stores.close()
+    checks = document["checks"]
+    assert isinstance(checks, dict)
+    assert checks["files"] == "ok"
+    assert "ok" not in {checks["jobs"], checks["meshes"], checks["queue"]}
+
+
+@pytest.mark.parametrize("path", ["/", "/docs", "/problems"])
+def test_pages_need_no_other_host(client: httpx.Client, path: str) -> None:
+    answer = client.get(path)
+    assert answer.headers["content-type"].startswith("text/html")
+    assert not re.findall(r"""(?:src|@import)\s*=?\s*["'(]""", answer.text)
+    assert "<link" not in answer.text
+    assert "<script" not in answer.text
+
+
+def test_the_documentation_names_every_operation(client: httpx.Client) -> None:
+    page = client.get("/docs").text
+    for path, methods in client.get("/openapi.json").json()["paths"].items():
+        for method in methods:
+            assert f"{method.upper()} {path}" in page
+
+
+def test_links_of_the_landing_page_lead_somewhere(client: httpx.Client) -> None:
+    for link in re.findall(r'href="(/[^"]*)"', client.get("/").text):
+        assert client.get(link).status_code == 200
+
+
+def test_every_answer_and_log_line_has_the_request_id(
+    client: httpx.Client, caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level(logging.INFO, "service.access"):
+        given = client.get("/v1/jobs/none", headers={"X-Request-ID": "mine-1"})
+        assert given.headers["x-request-id"] == given.json()["request_id"] == "mine-1"
+        made = client.get("/healthz", headers={"X-Request-ID": "two words"})
+        assert re.fullmatch(r"req_[0-9A-Z]{26}", made.headers["x-request-id"])
+    lines = [record.getMessage() for record in caplog.records if record.name == "service.access"]
+    assert any("request_id=mine-1 method=GET path=/v1/jobs/none status=404" in line for line in lines)
+
+
+def test_log_lines_cannot_be_forged(client: httpx.Client, caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.INFO, "service.access"):
+        client.get("/a%0d%0arequest_id=forged")
+    assert all("\n" not in record.getMessage() for record in caplog.records)
+
+
+def test_web_origins_are_an_explicit_list(settings: Settings, stores: Stores) -> None:
+    good, evil = {"Origin": "https://good.example"}, {"Origin": "https://evil.example"}
+    changed = settings.model_copy(update={"cors_origins": ["https://good.example"]})
+    with serve(changed, stores) as url, httpx.Client(base_url=url) as client:
+        for path in ("/healthz", "/v1/jobs/none", "/nowhere", "/v1/jobs?limit=0"):
+            answer = client.get(path, headers=good)
+            assert answer.headers["access-control-allow-origin"] == "https://good.example"
+            assert {"Location", "ETag", "Link", "Retry-After", "Content-Disposition"} <= set(
+                answer.headers["access-control-expose-headers"].split(", ")
+            )
+            assert "access-control-allow-origin" not in client.get(path, headers=evil).headers
+        broken = client.post("/v1/jobs", files={"file": ("o.obj", b"")}, headers=good)
+        assert broken.headers["access-control-allow-origin"] == "https://good.example"
+        asked = {"Access-Control-Request-Method": "DELETE", "Access-Control-Request-Headers": "if-none-match"}
+        assert client.options("/v1/jobs/x", headers=good | asked).status_code == 200
+        refused = client.options("/v1/jobs/x", headers=evil | asked)
+        problem(refused, 400, "malformed-request")
+
+
+def test_failures_of_ours_reach_web_clients_too(
+    settings: Settings, stores: Stores, submitted: type[Hand]
+) -> None:
+    hand = submitted().claim().reach(0)
+    path = stores.blobs.root / hand.job().snapshots[0].key
+    path.write_bytes(b"damaged")
+    changed = settings.model_copy(update={"cors_origins": ["https://good.example"]})
+    with serve(changed, stores) as url:
+        answer = httpx.get(
+            f"{url}/v1/jobs/{hand.job_id}/snapshots/0.ply", headers={"Origin": "https://good.example"}
+        )
+    problem(answer, 500, "internal-error")
+    assert answer.headers["access-control-allow-origin"] == "https://good.example"
+
+
+def test_figures_are_those_of_the_mathematics() -> None:
+    assert set(FiguresOut.model_fields) == {field.name for field in fields(Metrics)}
+
+
+def test_only_one_file_knows_error_numbers() -> None:
+    for path in ROOT.rglob("*.py"):
+        if path.name == "problems.py":
+            continue
+        tree = ast.parse(path.read_text())
+        plain = [
+            n for n in ast.walk(tree) if not isinstance(n, ast.List)
+        ]  # lists hold iterations, as examples
+        children = [child for node in plain for child in ast.iter_child_nodes(node)]
+        numbers = [n.value for n in children if isinstance(n, ast.Constant) and type(n.value) is int]
+        assert not [n for n in numbers if 400 <= n < 600], path
+        names = {n.attr for n in ast.walk(tree) if isinstance(n, ast.Attribute)}
+        assert not names & {"NOT_FOUND", "BAD_REQUEST", "CONFLICT", "INTERNAL_SERVER_ERROR", "GONE"}, path
+
+
+def test_it_starts_from_the_environment_and_stops_cleanly(server_url: str, tmp_path: Path) -> None:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    command = [
+        sys.executable,
+        "-W",
+        "error::ResourceWarning",
+        "-m",
+        "uvicorn",
+        "--factory",
+        "service.app:create_app",
+    ]
+    environment = os.environ | {"REDIS_URL": server_url, "SPHERIFY_DATA_DIR": str(tmp_path)}
+    process = subprocess.Popen(
+        [*command, "--port", str(port)], env=environment, cwd=ROOT.parent, stderr=subprocess.PIPE, text=True
+    )
+    try:
+        transport = httpx.HTTPTransport(retries=0)
+        deadline, pause = time.monotonic() + 30, threading.Event()
+        with httpx.Client(base_url=f"http://127.0.0.1:{port}", transport=transport) as client:
+            while True:
+                try:
+                    assert client.get("/readyz").status_code == 200
+                    break
+                except httpx.ConnectError:
+                    assert time.monotonic() < deadline
+                    pause.wait(0.05)
+            mesh = client.put("/v1/meshes?name=o.obj", content=OCTAHEDRON).json()
+            assert client.delete(mesh["links"]["self"]).status_code == 204
+    finally:
+        process.terminate()
+        _, errors = process.communicate(timeout=20)
+    assert process.returncode in {0, -15}, errors
+    assert "Traceback" not in errors
