@@ -1,0 +1,72 @@
+"""Meshes and parameters as they are written on the command line."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any, Final
+
+from pydantic import ValidationError
+
+from spherify.cli.console import REFUSED, fail
+from spherify.formats import MeshRefusedError, read_mesh
+from spherify.geometry.errors import InvalidConfigError
+from spherify.geometry.mesh import TriangleMesh
+from spherify.geometry.presets import PRESETS
+from spherify.geometry.samples import SAMPLES
+from spherify.parameters import Parameters, resolve
+
+SAMPLE: Final = "sample:"
+SAMPLE_VERTICES: Final = 3000
+
+
+def mesh_of(source: str, allow: list[str]) -> TriangleMesh:
+    """Read a file, or build ``sample:NAME`` or ``sample:NAME:VERTICES``; ends the program if it cannot."""
+    if source.startswith(SAMPLE):
+        return sample(source.removeprefix(SAMPLE))
+    path = Path(source)
+    try:
+        return read_mesh(path, path.name, allow=allow).mesh
+    except MeshRefusedError as e:
+        fail(f"{path.name}: {e}", REFUSED)
+    except ValueError as e:  # an unknown switch
+        fail(f"--allow: {e}", REFUSED)
+    except OSError as e:
+        fail(f"{path} cannot be read: {e.strerror or e}", REFUSED)
+
+
+def sample(text: str) -> TriangleMesh:
+    """Build ``NAME`` or ``NAME:VERTICES``; ends the program if there is none."""
+    name, _, vertices = text.partition(":")
+    if name not in SAMPLES:
+        fail(f"there is no sample {name!r}; there are {', '.join(SAMPLES)}", REFUSED)
+    if vertices and not vertices.isdecimal():
+        fail(f"write a sample's number of vertices as in sample:{name}:5000, not {vertices!r}", REFUSED)
+    return SAMPLES[name].build(int(vertices or SAMPLE_VERTICES))
+
+
+def parameters_of(preset: str, iterations: int | None, assignments: list[str]) -> Parameters:
+    """Lay ``name=value`` assignments over a preset; ends the program where one is wrong."""
+    if preset not in PRESETS:
+        fail(f"there is no preset {preset!r}; there are {', '.join(PRESETS)}", REFUSED)
+    overrides = dict(assignment_of(text) for text in assignments)
+    if iterations is not None:
+        overrides["iterations"] = iterations
+    try:
+        return resolve(preset, overrides)
+    except ValidationError as e:
+        first = e.errors(include_url=False, include_context=False, include_input=False)[0]
+        fail(f"{'.'.join(map(str, first['loc']))}: {first['msg']}", REFUSED)
+    except InvalidConfigError as e:
+        fail(str(e), REFUSED)
+
+
+def assignment_of(text: str) -> tuple[str, Any]:
+    """Read ``name=value``, the value as JSON, and as plain text where it is none."""
+    name, equals, value = text.partition("=")
+    if not equals or not name:
+        fail(f"--set takes name=value, such as --set window=[30,70], not {text!r}", REFUSED)
+    try:
+        return name, json.loads(value)
+    except ValueError:
+        return name, value

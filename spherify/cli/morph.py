@@ -1,0 +1,211 @@
+"""`spherify morph`: one mesh, here and now, without any server."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.progress import Progress as Bars
+
+from spherify.cli.console import COLLAPSED, FAILED, INTERRUPTED, REFUSED, err, fail, progress_bar
+from spherify.cli.inputs import SAMPLE, mesh_of, parameters_of
+from spherify.cli.interruption import interruptible
+from spherify.formats import FORMATS_OUT, write_mesh
+from spherify.geometry.errors import GeometryError, InvalidConfigError
+from spherify.geometry.flow import StopReason
+from spherify.geometry.kernels import get_engine
+from spherify.geometry.mesh import TriangleMesh
+from spherify.geometry.presets import DEFAULT_PRESET
+from spherify.geometry.schedule import SnapshotPlan
+from spherify.jobs.model import Progress
+from spherify.jobs.rows import Row
+from spherify.jobs.run import Kept, RunEnd, Stop, run
+
+
+def morph(
+    source: Annotated[str, typer.Argument(metavar="IN", help="A mesh file, or sample:NAME.")],
+    *,
+    output: Annotated[
+        Path,
+        typer.Option(
+            "--output", "-o", metavar="OUT", help="Where the result goes; its suffix is the format."
+        ),
+    ],
+    preset: Annotated[str, typer.Option(help="robust, paper or paper-absolute.")] = DEFAULT_PRESET,
+    iterations: Annotated[int | None, typer.Option(help="At most so many; the preset's by default.")] = None,
+    snapshots: Annotated[
+        str, typer.Option(help="States written beside OUT: 100,500 or every:100 or log:12.")
+    ] = "",
+    assignments: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="NAME=VALUE", help="Change one parameter; repeatable."),
+    ] = None,
+    engine: Annotated[str, typer.Option(help="Who computes.")] = "reference",
+    threads: Annotated[int, typer.Option(min=1, help="Threads it computes with.")] = 1,
+    allow: Annotated[
+        list[str] | None,
+        typer.Option(help="Let through: boundary, components, genus or nonmanifold-vertex; repeatable."),
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON report on standard output.")
+    ] = False,
+) -> None:
+    """Morph one mesh on this machine and write the result.
+
+    Ends with 0 after a run that ended by itself; 2 if the mesh or an option is refused; 3 if the run collapsed (the
+    best state is written); 130 after Ctrl-C (the last state is written).
+    """
+    form = output.suffix.lower().removeprefix(".")
+    if form not in FORMATS_OUT:
+        fail(f"{output.name}: the suffix must be one of {', '.join('.' + f for f in FORMATS_OUT)}", REFUSED)
+    if not output.parent.is_dir():
+        fail(f"the folder {output.parent} does not exist", REFUSED)
+    parameters = parameters_of(preset, iterations, assignments or [])
+    try:
+        computing = get_engine(engine)
+        plan = SnapshotPlan.parse(snapshots, parameters.iterations)
+    except InvalidConfigError as e:
+        fail(str(e), REFUSED)
+    if threads > 1 and engine == "reference":
+        fail("the reference engine computes with one thread: leave --threads out", REFUSED)
+    mesh = mesh_of(source, allow or [])
+
+    with progress_bar() as bars, interruptible() as interrupted:
+        files = _Files(mesh, output, form, frozenset(plan.iterations) if snapshots else frozenset(), bars)
+        try:
+            end = run(
+                mesh,
+                parameters.config(),
+                plan,
+                files,
+                engine=computing,
+                stop=lambda: Stop.CANCEL if interrupted else None,
+                checkpoint_s=float("inf"),
+                clock=files.clock,
+            )
+            files.finish(end)
+        except GeometryError as e:
+            fail(f"{source}: {e}", REFUSED)
+        except OSError as e:
+            fail(f"{e.filename or output} cannot be written: {e.strerror}", FAILED)
+    report = {
+        "input": source,
+        "output": str(output),
+        "preset": preset,
+        "engine": engine,
+        "vertices": len(mesh.vertices),
+        "faces": len(mesh.faces),
+        "iterations": end.iteration,
+        "stop_reason": end.stop_reason,
+        "stop_detail": end.stop_detail,
+        "seconds": round(files.seconds, 6),
+        "snapshots": [str(path) for path in files.written.values()],
+        # JSON has no number for what is not finite
+        **{name: value if math.isfinite(value) else None for name, value in files.figures(end).items()},
+    }
+    _say(report, as_json=as_json)
+    if end.stop_reason is StopReason.COLLAPSED:
+        fail(f"{end.stop_detail}; {output} holds the best state", COLLAPSED)
+    if end.stop_reason is StopReason.CANCELLED:
+        fail(f"interrupted; {output} holds the state at iteration {end.iteration}", INTERRUPTED)
+
+
+@dataclass
+class _Files:
+    """The sink of a local run: mesh files and a progress bar. Its clock stands still while it works."""
+
+    mesh: TriangleMesh
+    output: Path
+    form: str
+    wanted: frozenset[int]
+    bars: Bars
+    written: dict[int, Path] = field(default_factory=dict)
+    seconds: float = 0.0
+    _rows: dict[int, Row] = field(default_factory=dict)
+    _last: tuple[int, bytes] = (-1, b"")
+    _busy_s: float = 0.0
+    _began: float | None = None
+
+    def __post_init__(self) -> None:
+        name = self.output.stem
+        self._task = self.bars.add_task(
+            name, total=None, start=False, visible=False, note="", rate=None, eta=None
+        )
+
+    def clock(self) -> float:
+        """Seconds spent outside of this sink."""
+        return time.perf_counter() - self._busy_s
+
+    def snapshot(self, kept: Kept) -> None:
+        """Write a state that was asked for, and remember it: it may be the result."""
+        with self._aside():
+            data = write_mesh(self.mesh.with_vertices(kept.arrays["vertices"]), self.form)
+            if kept.iteration in self.wanted:
+                path = self.output.with_name(f"{self.output.stem}_it{kept.iteration:05d}{self.output.suffix}")
+                path.write_bytes(data)
+                self.written[kept.iteration] = path
+            self._rows[kept.iteration], self._last = kept.row, (kept.iteration, data)
+
+    def checkpoint(self, kept: Kept) -> None:
+        """Keep nothing: a local run is not resumed."""
+
+    def report(self, progress: Progress, rows: Sequence[Row]) -> None:
+        """Move the bar; the first call, of state 0, ends the preparations."""
+        if self._began is None:
+            self._began = self.clock()
+        with self._aside():
+            self._move(progress, rows[-1]["sphericity"] if rows else None)
+
+    def finish(self, end: RunEnd) -> None:
+        """Write the result: the state the run ended with, which a collapsed one has left behind."""
+        self.seconds = self.clock() - (self.clock() if self._began is None else self._began)
+        iteration, data = self._last
+        self.output.write_bytes(
+            data if iteration == end.iteration else self.written[end.iteration].read_bytes()
+        )
+        self._move(end.progress, end.sphericity)
+        self.bars.update(self._task, total=max(end.iteration, 1), completed=max(end.iteration, 1))
+
+    def figures(self, end: RunEnd) -> Row:
+        """Return the figures of the result."""
+        return {name: value for name, value in self._rows[end.iteration].items() if name != "iteration"}
+
+    def _move(self, progress: Progress, sphericity: float | None) -> None:
+        changes: dict[str, object] = {} if sphericity is None else {"note": f"Ψ {sphericity:.4f}"}
+        self.bars.update(
+            self._task,
+            completed=progress.iteration,
+            total=progress.iterations_total,
+            visible=True,
+            rate=progress.iterations_per_s,
+            eta=progress.eta_s,
+            **changes,  # type: ignore[arg-type] # rich takes any field
+        )
+
+    @contextmanager
+    def _aside(self) -> Iterator[None]:
+        began = time.perf_counter()
+        try:
+            yield
+        finally:
+            self._busy_s += time.perf_counter() - began
+
+
+def _say(report: Mapping[str, object], *, as_json: bool) -> None:
+    if as_json:
+        typer.echo(json.dumps(report, ensure_ascii=False))
+        return
+    source = str(report["input"]).removeprefix(SAMPLE)
+    err.print(
+        f"{source} ({report['vertices']:,} vertices) → {report['output']}: {report['stop_reason']} after "
+        f"{report['iterations']:,} iterations in {report['seconds']:.2f} s, Ψ {report['sphericity']:.4f}, "
+        f"radius variation {report['radius_variation']:.4f}, {report['inward_faces']} inward faces",
+        markup=False,
+    )

@@ -1,0 +1,35 @@
+"""`spherify samples`: the shapes of the paper's pictures, built by us."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from spherify.cli.console import REFUSED, fail, out
+from spherify.cli.inputs import SAMPLE_VERTICES
+from spherify.formats import FORMATS_OUT, write_mesh
+from spherify.geometry.samples import SAMPLES
+
+
+def samples(
+    folder: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="DIR", help="Write them all into this folder.")
+    ] = None,
+    mesh_format: Annotated[str, typer.Option("--format", help="Of the files.")] = "obj",
+    vertices: Annotated[int, typer.Option(min=4, help="How many vertices to aim at.")] = SAMPLE_VERTICES,
+) -> None:
+    """List the sample meshes, or write them as files."""
+    if mesh_format not in FORMATS_OUT:
+        fail(f"--format must be one of {', '.join(FORMATS_OUT)}, not {mesh_format!r}", REFUSED)
+    if folder is not None:
+        folder.mkdir(parents=True, exist_ok=True)
+    for sample in SAMPLES.values():
+        if folder is None:
+            out.print(f"sample:{sample.name:<20} {sample.title}", markup=False)
+            continue
+        mesh = sample.build(vertices)
+        path = folder / f"{sample.name}.{mesh_format}"
+        path.write_bytes(write_mesh(mesh, mesh_format))
+        out.print(f"{path}  {len(mesh.vertices):,} vertices", markup=False)

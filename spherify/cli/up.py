@@ -1,0 +1,103 @@
+"""`spherify up`: the whole service on this machine until Ctrl-C."""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Annotated, Final
+
+import typer
+from pydantic import ValidationError
+
+from spherify import __version__
+from spherify.cli.console import COLOURS, REFUSED, fail
+from spherify.cli.interruption import interruptible
+from spherify.cli.stack import LOOK_S, Address, Stack, StackError
+from spherify.settings import Settings
+from spherify.stores.embedded import EmbeddedServerError
+
+BANNER: Final = """
+Spherify {version} is ready.
+
+  API            {url}/v1
+  documentation  {url}/docs
+  data           {data} (kept between runs)
+  job records    {records}
+
+  spherify samples -o samples
+  curl -F file=@samples/quadruped.obj -F iterations=1000 -F snapshots=100,500,1000 {url}/v1/jobs
+  curl {url}/v1/jobs/JOB_ID
+  curl -OJ {url}/v1/jobs/JOB_ID/snapshots/final.ply
+
+Ctrl-C stops everything; jobs that are not done go on at the next start.
+"""
+OPEN_DOOR: Final = "Everybody who reaches port {port} of this machine may use it: there are no keys.\n"
+
+_saying = threading.Lock()
+
+
+def up(
+    host: Annotated[str, typer.Option(help="Address to listen on; 0.0.0.0 is every one.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port to listen on; 0 is any free one.")] = 8000,
+    data: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Folder for everything that is kept; SPHERIFY_DATA_DIR by default."),
+    ] = None,
+    workers: Annotated[int, typer.Option(min=1, max=256, help="Jobs computed at the same time.")] = 1,
+) -> None:
+    """Run the service on this machine until Ctrl-C: API, workers, and a server of its own unless REDIS_URL is set."""
+    settings = _settings()
+    folder = data or settings.data_dir
+    shared = "redis_url" in settings.model_fields_set and bool(settings.redis_url)
+    redis_url = settings.redis_url if shared else None
+    with interruptible() as stopping:
+        try:
+            with Stack(Address(host, port), folder, workers, say, redis_url=redis_url) as stack:
+                stack.start(leave=lambda: bool(stopping))
+                if not stopping:
+                    records = (
+                        settings.url_without_password if shared else "a server of its own, in the data folder"
+                    )
+                    print_plain(
+                        BANNER.format(
+                            version=__version__, url=stack.url, data=stack.data_dir, records=records
+                        )
+                    )
+                    if not stack.on_loopback:
+                        print_plain(OPEN_DOOR.format(port=stack.port))
+                while not stopping:
+                    stack.tend()
+                    time.sleep(LOOK_S)
+                say("spherify", "stopping …")
+        except (StackError, EmbeddedServerError) as e:
+            fail(str(e))
+        except OSError as e:
+            fail(f"{e.filename or folder}: {e.strerror or e}")
+    say("spherify", "stopped")
+
+
+def say(program: str, line: str) -> None:
+    """Print a line of a program under its name; may be called from any thread."""
+    name = f"{program:<9}│ "
+    if sys.stderr.isatty():
+        colour = COLOURS.get(program, "32")
+        name = f"\x1b[{colour}m{name}\x1b[0m"
+    print_plain(f"{name}{line}\n")
+
+
+def print_plain(text: str) -> None:
+    """Write text as it is: what programs say is no markup, and is not to be wrapped."""
+    with _saying:
+        sys.stderr.write(text)
+        sys.stderr.flush()
+
+
+def _settings() -> Settings:
+    try:
+        return Settings()
+    except ValidationError as e:
+        first = e.errors(include_url=False, include_context=False, include_input=False)[0]
+        name = "_".join(str(part) for part in first["loc"]).upper()
+        fail(f"{name} in the environment: {first['msg']}", REFUSED)

@@ -1,0 +1,199 @@
+"""A client of the service's REST interface: what `spherify submit` and `spherify demo` speak through."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping
+from ipaddress import ip_address
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Final, Self, TypeVar
+
+import httpx
+
+POLL_S: Final = 0.25
+PATIENCE_S: Final = 15.0  # a service may be restarted behind its address; only reading is tried again
+_CHUNK: Final = 1 << 16
+T = TypeVar("T")
+
+
+class ServiceError(Exception):
+    """The service did not do what it was asked; the message says why."""
+
+
+class UnreachableError(ServiceError):
+    """Nobody answers at this address."""
+
+
+class RefusedError(ServiceError):
+    """A problem document (RFC 9457).
+
+    Attributes:
+        status: of the answer.
+        slug: the kind of problem, such as ``mesh-not-closed``.
+        errors: each wrong value, with ``pointer``, ``code`` and ``detail``.
+
+    """
+
+    def __init__(self, status: int, document: Mapping[str, Any]) -> None:
+        self.status = status
+        self.slug = str(document.get("type", "")).rpartition("/")[2]
+        self.errors: list[dict[str, Any]] = list(document.get("errors") or ())
+        detail = document.get("detail") or document.get("title") or f"it answered {status}"
+        super().__init__(str(detail))
+
+
+class Client:
+    """A session with one service; a context manager, safe to share between threads."""
+
+    def __init__(self, url: str, *, timeout_s: float = 60.0) -> None:
+        self.url = url.rstrip("/")
+        try:
+            self._http = httpx.Client(
+                base_url=self.url,
+                timeout=httpx.Timeout(timeout_s, connect=5.0),
+                trust_env=not _on_this_machine(self.url),  # no proxy leads back here
+            )
+        except httpx.InvalidURL as e:
+            raise UnreachableError(f"{url!r} is no address: {e}") from e
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._http.close()
+
+    def submit(self, path: Path, fields: Mapping[str, str | list[str]]) -> dict[str, Any]:
+        """Upload a mesh and start a job on it; returns the job. Raises `ServiceError`, OSError."""
+        with path.open("rb") as file:
+            return self._json(
+                "POST",
+                "/v1/jobs",
+                files={"file": (path.name, file, "application/octet-stream")},
+                data=dict(fields),
+            )
+
+    def job(self, job_id: str) -> dict[str, Any]:
+        """Return a job as it is now; raises `ServiceError`."""
+        return self._json("GET", f"/v1/jobs/{job_id}")
+
+    def cancel(self, job_id: str) -> dict[str, Any]:
+        """Ask for the end of a job; raises `ServiceError`."""
+        return self._json("POST", f"/v1/jobs/{job_id}/cancel")
+
+    def follow(
+        self, job_id: str, *, meanwhile: Callable[[], None] = lambda: None
+    ) -> Iterator[dict[str, Any]]:
+        """Yield a job now, after each change, and at its end; raises `ServiceError`, and what `meanwhile` raises.
+
+        Args:
+            job_id: of the job.
+            meanwhile: called before each look.
+
+        """
+        etag = ""
+        while True:
+            meanwhile()
+            answer = self._send("GET", f"/v1/jobs/{job_id}", headers={"If-None-Match": etag} if etag else {})
+            if answer.status_code != httpx.codes.NOT_MODIFIED:
+                etag = answer.headers.get("etag", "")
+                job: dict[str, Any] = answer.json()
+                yield job
+                if job["done"]:
+                    return
+            time.sleep(POLL_S)
+
+    def snapshots(self, job_id: str) -> list[dict[str, Any]]:
+        """Return the kept states of a job with their figures, ascending; raises `ServiceError`."""
+        items: list[dict[str, Any]] = self._json("GET", f"/v1/jobs/{job_id}/snapshots")["items"]
+        return items
+
+    def download(self, job_id: str, which: int | str, mesh_format: str, target: Path) -> None:
+        """Save one kept state as a file, whole or not at all; raises `ServiceError`, OSError."""
+        part = target.with_name(target.name + ".part")
+        try:
+            self._patiently(lambda: self._fetch(f"/v1/jobs/{job_id}/snapshots/{which}.{mesh_format}", part))
+            part.replace(target)
+        finally:
+            part.unlink(missing_ok=True)
+
+    def _fetch(self, path: str, target: Path) -> None:
+        with self._reaching(), self._http.stream("GET", path) as answer:
+            if answer.is_error:
+                answer.read()
+                raise _refused(answer)
+            with target.open("wb") as file:
+                for chunk in answer.iter_bytes(_CHUNK):
+                    file.write(chunk)
+
+    def _json(self, method: str, path: str, **options: Any) -> dict[str, Any]:  # noqa: ANN401 (httpx's own)
+        document: dict[str, Any] = self._send(method, path, **options).json()
+        return document
+
+    def _send(self, method: str, path: str, **options: Any) -> httpx.Response:  # noqa: ANN401 (httpx's own)
+        def once() -> httpx.Response:
+            with self._reaching():
+                answer = self._http.request(method, path, **options)
+            if answer.is_error:
+                raise _refused(answer)
+            return answer
+
+        return self._patiently(once) if method == "GET" else once()
+
+    @staticmethod
+    def _patiently(ask: Callable[[], T]) -> T:
+        """Ask again for a while if the service is not there, or says that it is not ready."""
+        deadline = time.monotonic() + PATIENCE_S
+        while True:
+            try:
+                return ask()
+            except UnreachableError:
+                if time.monotonic() > deadline:
+                    raise
+            except RefusedError as e:
+                if e.status != httpx.codes.SERVICE_UNAVAILABLE or time.monotonic() > deadline:
+                    raise
+            time.sleep(POLL_S)
+
+    def _reaching(self) -> _Reaching:
+        return _Reaching(self.url)
+
+
+class _Reaching:
+    """Turns what httpx raises on the way into a sentence."""
+
+    def __init__(self, url: str) -> None:
+        self.url = url
+
+    def __enter__(self) -> None:
+        return
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if isinstance(error, httpx.ConnectError | httpx.ConnectTimeout):
+            raise UnreachableError(
+                f"nobody answers at {self.url}: start a service with `spherify up`, or name another with --url"
+            ) from error
+        if isinstance(error, httpx.HTTPError | httpx.InvalidURL):
+            raise UnreachableError(
+                f"the connection to {self.url} broke: {error or type(error).__name__}"
+            ) from error
+
+
+def _refused(answer: httpx.Response) -> RefusedError:
+    try:
+        document = answer.json()
+    except ValueError:
+        document = {}
+    return RefusedError(answer.status_code, document if isinstance(document, dict) else {})
+
+
+def _on_this_machine(url: str) -> bool:
+    host = httpx.URL(url).host
+    try:
+        return ip_address(host).is_loopback
+    except ValueError:  # a name
+        return host == "localhost"
