@@ -1,0 +1,90 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from spherify.geometry.schedule import SnapshotPlan
+from spherify.jobs import layout
+from spherify.jobs.run import Kept, Stop, run
+from spherify.parameters import resolve
+from spherify.stores.arrays import dump_arrays
+from spherify.stores.blobs import FolderBlobStore
+from tests.jobs.examples import stone
+from tests.jobs.test_run import Recorder, stop_at
+from worker.resume import find_resumption
+
+PLAN = SnapshotPlan((0, 10, 20, 30))
+JOB = "job_a"
+
+
+@pytest.fixture
+def blobs(tmp_path: Path) -> FolderBlobStore:
+    """The files of a first attempt that was handed on after 24 iterations."""
+    blobs = FolderBlobStore(tmp_path)
+
+    class Files(Recorder):
+        def snapshot(self, kept: Kept) -> None:
+            blobs.create(layout.numbered(layout.snapshots(JOB), 1, kept.iteration), dump_arrays(kept.arrays))
+
+        def checkpoint(self, kept: Kept) -> None:
+            blobs.create(
+                layout.numbered(layout.checkpoints(JOB), 1, kept.iteration), dump_arrays(kept.arrays)
+            )
+
+    config = resolve("robust", {"iterations": 30}).config()
+    run(stone(), config, PLAN, Files(), stop=stop_at(24, Stop.HAND_ON))
+    return blobs
+
+
+def damage(blobs: FolderBlobStore, key: str, how: str) -> None:
+    path = blobs.root / key
+    content = bytearray(path.read_bytes())
+    if how == "flipped":
+        content[len(content) // 2] ^= 1
+    else:
+        del content[len(content) // 2 :]
+    path.write_bytes(content)
+
+
+def iterations(blobs: FolderBlobStore) -> tuple[int | None, list[int]]:
+    """Return where to go on, and the snapshots that are taken over."""
+    found = find_resumption(blobs, JOB, PLAN)
+    at = None if found.arrays is None else int(found.arrays["counts"][0])
+    return at, [snapshot.iteration for snapshot in found.snapshots]
+
+
+def test_nothing_to_go_on_from(tmp_path: Path) -> None:
+    assert iterations(FolderBlobStore(tmp_path)) == (None, [])
+
+
+def test_the_newest_state_is_taken(blobs: FolderBlobStore) -> None:
+    assert iterations(blobs) == (24, [0, 10, 20])
+
+
+@pytest.mark.parametrize("how", ["flipped", "cut off"])
+def test_a_damaged_checkpoint_is_passed_over(blobs: FolderBlobStore, how: str) -> None:
+    damage(blobs, layout.numbered(layout.checkpoints(JOB), 1, 24), how)
+    assert iterations(blobs) == (20, [0, 10, 20])
+
+
+@pytest.mark.parametrize("how", ["flipped", "cut off"])
+def test_a_damaged_snapshot_is_computed_again(blobs: FolderBlobStore, how: str) -> None:
+    damage(blobs, layout.numbered(layout.snapshots(JOB), 1, 10), how)
+    assert iterations(blobs) == (0, [0])
+
+
+def test_another_attempts_copy_stands_in_for_a_damaged_one(blobs: FolderBlobStore) -> None:
+    key = layout.numbered(layout.snapshots(JOB), 1, 10)
+    blobs.create(layout.numbered(layout.snapshots(JOB), 2, 10), blobs.read(key))
+    damage(blobs, layout.numbered(layout.snapshots(JOB), 2, 10), "flipped")
+    assert iterations(blobs) == (24, [0, 10, 20])
+
+
+def test_the_record_of_a_snapshot_is_that_of_its_file(blobs: FolderBlobStore) -> None:
+    for snapshot in find_resumption(blobs, JOB, PLAN).snapshots:
+        stat = blobs.stat(snapshot.key)
+        assert stat is not None
+        assert (snapshot.size, snapshot.created_at) == (stat.size, stat.created_at)
+        assert set(snapshot.metrics) >= {"sphericity", "area", "inward_faces"}
+        assert "iteration" not in snapshot.metrics
