@@ -14,6 +14,7 @@ from starlette.routing import compile_path
 
 from service.answers import add_handlers
 from service.context import Services, Stores
+from service.logs import set_up as set_up_logs
 from service.middleware import EXPOSED, REQUEST_ID, Cors, ErrorGuard, RequestContext
 from service.openapi import DESCRIPTION, TAGS, describe
 from service.routes import jobs, meshes, pages, service, snapshots
@@ -30,7 +31,9 @@ def create_app(settings: Settings | None = None, stores: Stores | None = None) -
         stores: opened as the settings say by default; they are closed when the service stops.
 
     """
-    settings = settings or Settings()
+    if settings is None:  # started as a program of its own
+        set_up_logs()
+        settings = Settings()
     stores = stores or open_stores(settings)
 
     @asynccontextmanager

@@ -16,6 +16,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from ulid import ULID
 
 from service.answers import problem_answer
+from service.logs import current_request
 from service.problems import ProblemError, problem_of, problem_of_status
 
 REQUEST_ID: Final = "X-Request-ID"
@@ -51,6 +52,7 @@ class RequestContext:
         head = scope["method"] == "HEAD"
         inner = {**scope, "method": "GET", "head": True} if head else dict(scope)
         inner["state"] = {**scope.get("state", {}), "request_id": request_id, "body_read": False}
+        current_request.set(request_id)
         began = time.perf_counter()
         status = 0
 
@@ -71,14 +73,14 @@ class RequestContext:
         try:
             await self._app(inner, listen, answer)
         finally:
-            access_log.info(
-                "request_id=%s method=%s path=%s status=%d ms=%.1f",
-                request_id,
-                scope["method"],
-                scope.get("raw_path", b"").decode("latin-1"),
-                status,
-                (time.perf_counter() - began) * 1000,
-            )
+            path = scope.get("raw_path", b"").decode("latin-1")
+            figures = {
+                "method": scope["method"],
+                "path": path,
+                "status": status,
+                "ms": round((time.perf_counter() - began) * 1000, 1),
+            }
+            access_log.info("%s %s %d", scope["method"], path, status, extra=figures)
 
 
 class ErrorGuard:
@@ -106,8 +108,7 @@ class ErrorGuard:
                 raise  # the status is out: the connection must break, or half an answer passes for a whole one
             problem = problem_of(e)
             if problem is None:
-                request_id = scope["state"]["request_id"]
-                error_log.exception("request_id=%s path=%r", request_id, scope["path"])
+                error_log.exception("a request failed")
                 problem = ProblemError("internal-error", "the request could not be completed")
             await problem_answer(Request(scope), problem)(scope, receive, send)
 

@@ -45,7 +45,7 @@ def _answer(request: Request, job: Job, status: HTTPStatus = HTTPStatus.OK) -> R
 def _submit(services: Services, planned: JobPlan, mesh: MeshRecord, name: str | None = None) -> Job:
     stores = services.stores
     job = submit(stores.jobs, stores.blobs, stores.queue, planned.spec(mesh, name))
-    log.info("action=submit job_id=%s mesh_id=%s", job.id, mesh.id)
+    log.info("submitted", extra={"action": "submit", "job_id": job.id, "mesh_id": mesh.id})
     return job
 
 
@@ -185,7 +185,7 @@ def cancel_job(request: Request, context: Context, job_id: JobId) -> Response:
     """Ask for the end of a job. The snapshots kept so far stay."""
     outcome = cancel(context.stores.jobs, context.stores.blobs, job_id)
     job = context.stores.jobs.get(job_id)  # also tells an unknown job from a deleted one
-    log.info("action=cancel job_id=%s outcome=%s", job_id, outcome)
+    log.info("cancel asked: %s", outcome, extra={"action": "cancel", "job_id": job_id})
     if outcome is CancelOutcome.FINISHED:
         raise ProblemError(
             "job-already-finished", f"{job_id} ended as {job.status} before it could be cancelled"
@@ -205,7 +205,7 @@ def cancel_job(request: Request, context: Context, job_id: JobId) -> Response:
 def remove_job(context: Context, job_id: JobId) -> Response:
     """Delete a finished job, its snapshots and figures; its address answers 410 from then on."""
     delete_job(context.stores.jobs, context.stores.blobs, job_id)
-    log.info("action=delete job_id=%s", job_id)
+    log.info("deleted", extra={"action": "delete", "job_id": job_id})
     return Response(status_code=HTTPStatus.NO_CONTENT)
 
 

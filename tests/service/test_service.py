@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import ast
+import json
 import logging
 import os
 import re
@@ -9,6 +10,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable, Iterator
 from dataclasses import fields
 from pathlib import Path
 
@@ -16,6 +18,7 @@ import httpx
 import pytest
 
 import service
+from service.logs import JsonLines
 from service.schemas import FiguresOut
 from spherify.geometry.metrics import Metrics
 from spherify.geometry.presets import PRESETS
@@ -28,7 +31,7 @@ ROOT = Path(service.__file__).parent
 
 
 def test_info_names_limits_and_formats(
-    client: httpx.Client, settings: Settings, submitted: type[Hand]
+    client: httpx.Client, settings: Settings, submitted: Callable[..., Hand]
 ) -> None:
     submitted()
     info = client.get("/v1/info").json()
@@ -97,22 +100,60 @@ def test_links_of_the_landing_page_lead_somewhere(client: httpx.Client) -> None:
         assert client.get(link).status_code == 200
 
 
+@pytest.fixture
+def lines(client: httpx.Client) -> Iterator[list[dict[str, object]]]:
+    """The log as it is written."""
+    found: list[dict[str, object]] = []
+
+    class Keep(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            text = self.format(record)
+            assert "\n" not in text
+            found.append(json.loads(text))
+
+    handler, logger = Keep(), logging.getLogger("service")
+    handler.setFormatter(JsonLines())
+    level = logger.level
+    logger.setLevel(logging.INFO)
+    logger.addHandler(handler)
+    yield found
+    logger.removeHandler(handler)
+    logger.setLevel(level)
+
+
 def test_every_answer_and_log_line_has_the_request_id(
-    client: httpx.Client, caplog: pytest.LogCaptureFixture
+    client: httpx.Client, lines: list[dict[str, object]], known: str
 ) -> None:
-    with caplog.at_level(logging.INFO, "service.access"):
-        given = client.get("/v1/jobs/none", headers={"X-Request-ID": "mine-1"})
-        assert given.headers["x-request-id"] == given.json()["request_id"] == "mine-1"
-        made = client.get("/healthz", headers={"X-Request-ID": "two words"})
-        assert re.fullmatch(r"req_[0-9A-Z]{26}", made.headers["x-request-id"])
-    lines = [record.getMessage() for record in caplog.records if record.name == "service.access"]
-    assert any("request_id=mine-1 method=GET path=/v1/jobs/none status=404" in line for line in lines)
+    given = client.get("/v1/jobs/none", headers={"X-Request-ID": "mine-1"})
+    assert given.headers["x-request-id"] == given.json()["request_id"] == "mine-1"
+    made = client.get("/healthz", headers={"X-Request-ID": "two words"})
+    assert re.fullmatch(r"req_[0-9A-Z]{26}", made.headers["x-request-id"])
+    job = client.post("/v1/jobs", json={"mesh_id": known}, headers={"X-Request-ID": "mine-2"}).json()
+    first, second, submitted, posted = lines
+    assert (first["request_id"], first["status"], first["path"]) == ("mine-1", 404, "/v1/jobs/none")
+    assert second["request_id"] == made.headers["x-request-id"]
+    assert (submitted["action"], submitted["job_id"], submitted["request_id"]) == (
+        "submit",
+        job["id"],
+        "mine-2",
+    )
+    assert (posted["method"], posted["request_id"]) == ("POST", "mine-2")
 
 
-def test_log_lines_cannot_be_forged(client: httpx.Client, caplog: pytest.LogCaptureFixture) -> None:
-    with caplog.at_level(logging.INFO, "service.access"):
-        client.get("/a%0d%0arequest_id=forged")
-    assert all("\n" not in record.getMessage() for record in caplog.records)
+def test_log_lines_cannot_be_forged(client: httpx.Client, lines: list[dict[str, object]]) -> None:
+    client.get("/a%0d%0a%22,%22status%22:%22200")
+    assert lines[0]["path"] == "/a%0d%0a%22,%22status%22:%22200"
+
+
+def test_a_failure_of_ours_is_logged_with_its_trace(
+    client: httpx.Client, stores: Stores, submitted: Callable[..., Hand], lines: list[dict[str, object]]
+) -> None:
+    hand = submitted().claim().reach(0)
+    (stores.blobs.root / hand.job().snapshots[0].key).write_bytes(b"damaged")
+    answer = client.get(f"/v1/jobs/{hand.job_id}/snapshots/0.ply")
+    failure = next(line for line in lines if line["level"] == "error")
+    assert failure["request_id"] == answer.json()["request_id"]
+    assert "DamagedBlobError" in str(failure["trace"])
 
 
 def test_web_origins_are_an_explicit_list(settings: Settings, stores: Stores) -> None:
@@ -135,7 +176,7 @@ def test_web_origins_are_an_explicit_list(settings: Settings, stores: Stores) ->
 
 
 def test_failures_of_ours_reach_web_clients_too(
-    settings: Settings, stores: Stores, submitted: type[Hand]
+    settings: Settings, stores: Stores, submitted: Callable[..., Hand]
 ) -> None:
     hand = submitted().claim().reach(0)
     path = stores.blobs.root / hand.job().snapshots[0].key
@@ -203,3 +244,6 @@ def test_it_starts_from_the_environment_and_stops_cleanly(server_url: str, tmp_p
         _, errors = process.communicate(timeout=20)
     assert process.returncode in {0, -15}, errors
     assert "Traceback" not in errors
+    logged = [json.loads(line) for line in errors.splitlines() if line.startswith("{")]
+    assert [line["status"] for line in logged if line.get("method") == "DELETE"] == [204]
+    assert "INFO:     127.0.0.1" not in errors, "uvicorn's own line would say it twice"

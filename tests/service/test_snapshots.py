@@ -2,6 +2,8 @@ from __future__ import annotations
 
 import csv
 import io
+import shutil
+import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
@@ -254,3 +256,10 @@ def test_the_time_series_as_json_and_csv(client: httpx.Client, running: Hand) ->
         f"/v1/jobs/{running.job_id}/metrics", headers={"If-None-Match": answer.headers["etag"]}
     )
     assert known.status_code == 304
+
+
+@pytest.mark.skipif(shutil.which("curl") is None, reason="curl is not installed")
+def test_curl_saves_under_the_telling_name(base_url: str, running: Hand, tmp_path: Path) -> None:
+    command = ["curl", "-sSfOJ", base_url + url(running, "latest.ply")]
+    subprocess.run(command, cwd=tmp_path, timeout=30, check=True)
+    assert [path.name for path in tmp_path.iterdir()] == ["bunny_it00100.ply"]
