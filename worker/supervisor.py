@@ -27,7 +27,7 @@ from worker.orders import CANCEL_SIGNAL, HAND_ON_SIGNAL, Order
 from worker.outbox import Outbox
 from worker.runners import Runner, Runners
 
-LOOK_S: Final = 1.0  # a cancel is seen this soon, however rare the heartbeats are
+LOOK_S: Final = 0.5  # a cancel is seen this soon, however rare the heartbeats are
 FENCE_SHARE: Final = (
     0.8  # of the lease: a worker that cannot renew for this long gives up before others may begin
 )
