@@ -29,8 +29,8 @@ class ReadLimits:
     max_faces: int = 4_000_000
     max_primitives: int = 4_096
     max_unpacked_bytes: int = 512 * MIB
-    seconds: float = 8.0
-    seconds_per_mib: float = 0.5
+    seconds: float = 7.0
+    seconds_per_mib: float = 1.0
     memory_bytes: int = 1_280 * MIB
     memory_per_byte: int = 24
 

@@ -80,7 +80,7 @@ def widths(rows: Sequence[bytes], joined: bytes) -> Ints:
     return np.array([row.count(b" ") + 1 for row in rows], dtype=np.int64)  # counting is quicker than cutting
 
 
-def coordinates(rows: Sequence[bytes], line_numbers: Sequence[int], least: int = 3) -> Floats:
+def coordinates(rows: Sequence[bytes], line_numbers: Sequence[int] | Ints, least: int = 3) -> Floats:
     """Return the first three numbers of each row, (n, 3); what follows them is not looked at.
 
     Raises:
@@ -106,7 +106,7 @@ def coordinates(rows: Sequence[bytes], line_numbers: Sequence[int], least: int =
     return values.reshape(-1, 3)
 
 
-def _bad_number(rows: Sequence[Sequence[bytes]], line_numbers: Sequence[int]) -> UnreadableError:
+def _bad_number(rows: Sequence[Sequence[bytes]], line_numbers: Sequence[int] | Ints) -> UnreadableError:
     for row, line in zip(rows, line_numbers, strict=True):
         for word in row:
             try:
@@ -124,7 +124,7 @@ def _bad_number(rows: Sequence[Sequence[bytes]], line_numbers: Sequence[int]) ->
     )
 
 
-def bad_integer(rows: Sequence[bytes], line_numbers: Sequence[int]) -> UnreadableError:
+def bad_integer(rows: Sequence[bytes], line_numbers: Sequence[int] | Ints) -> UnreadableError:
     """Return the error that names the first word of the rows that is no integer."""
     for row, line in zip(rows, line_numbers, strict=True):
         for word in row.split():

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from spherify.formats import ALLOW, MeshRefusedError, read_mesh
+from spherify.formats import ALLOW, MeshRefusedError, ReadLimits, read_mesh
 from tests.shared import SHARED, shared_mesh
+
+PATIENT = ReadLimits(seconds=100)  # what is tried here is the reading, not how busy the machine is
 
 GOOD = {
     "spot.obj": (2930, 5856, 0.679),
@@ -69,7 +71,7 @@ ALLOWED = {
 
 @pytest.mark.parametrize("name", GOOD)
 def test_good_meshes_are_taken_as_they_are(name: str):
-    report = read_mesh(shared_mesh(name), name).report
+    report = read_mesh(shared_mesh(name), name, limits=PATIENT).report
     vertices, faces, sphericity = GOOD[name]
     assert (report.vertices, report.faces, report.genus, report.components) == (vertices, faces, 0, 1)
     assert report.sphericity == pytest.approx(sphericity, abs=5e-4)
@@ -79,7 +81,7 @@ def test_good_meshes_are_taken_as_they_are(name: str):
 
 @pytest.mark.parametrize("name", MENDED)
 def test_awkward_meshes_are_mended(name: str):
-    report = read_mesh(shared_mesh(f"bad/{name}"), name).report
+    report = read_mesh(shared_mesh(f"bad/{name}"), name, limits=PATIENT).report
     vertices, faces, sphericity, repairs = MENDED[name]
     assert (report.vertices, report.faces, report.genus) == (vertices, faces, 0)
     assert report.sphericity == pytest.approx(sphericity, abs=5e-4)
@@ -90,7 +92,7 @@ def test_awkward_meshes_are_mended(name: str):
 def test_bad_meshes_get_their_answer(name: str):
     code, words = REFUSED[name]
     with pytest.raises(MeshRefusedError) as refusal:
-        read_mesh(shared_mesh(f"bad/{name}"), name)
+        read_mesh(shared_mesh(f"bad/{name}"), name, limits=PATIENT)
     assert refusal.value.code == code
     assert [word for word in words if word not in str(refusal.value)] == []
 
@@ -98,7 +100,7 @@ def test_bad_meshes_get_their_answer(name: str):
 @pytest.mark.parametrize("name", ALLOWED)
 def test_switches_let_in_what_can_be_run(name: str):
     switch, vertices, faces = ALLOWED[name]
-    report = read_mesh(shared_mesh(f"bad/{name}"), name, allow=[switch]).report
+    report = read_mesh(shared_mesh(f"bad/{name}"), name, limits=PATIENT, allow=[switch]).report
     assert (report.vertices, report.faces, report.eligible, report.allowed) == (
         vertices,
         faces,
@@ -110,7 +112,7 @@ def test_switches_let_in_what_can_be_run(name: str):
 @pytest.mark.parametrize("name", ["nonmanifold_edge_tetrahedra.obj", "nonorientable_moebius_quads.obj"])
 def test_no_switch_lets_in_what_cannot(name: str):
     with pytest.raises(MeshRefusedError):
-        read_mesh(shared_mesh(f"bad/{name}"), name, allow=ALLOW)
+        read_mesh(shared_mesh(f"bad/{name}"), name, limits=PATIENT, allow=ALLOW)
 
 
 def test_every_bad_mesh_has_its_answer():

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
-from itertools import accumulate
 
 import numpy as np
 
@@ -19,6 +18,7 @@ from spherify.formats.raw import RawMesh, check_counts, fans
 from spherify.geometry.mesh import Floats, Ints
 
 _COMMENT = re.compile(rb"\s#.*")  # only after a blank: -1.#IND is a bad number, not -1 with a comment
+_NEWLINE, _BLANK, _TAB = b"\n \t"
 _BEHIND_SLASH = re.compile(rb"/\S*")
 
 
@@ -54,14 +54,14 @@ def read_obj(data: bytes, limits: ReadLimits) -> RawMesh:
 
 
 def _read_block(parts: _Parts, first: int, lines: list[bytes], limits: ReadLimits) -> None:
-    vertices, vertex_lines = _picked(lines, first, (b"v ", b"v\t"))
-    polygons, polygon_lines = _picked(lines, first, (b"f ", b"f\t"))
+    vertex_places, polygon_places = _places(lines)
+    vertices, polygons = _picked(lines, vertex_places), _picked(lines, polygon_places)
+    vertex_lines, where = vertex_places + first, polygon_places + first
     parts.vertices.append(text.coordinates(vertices, vertex_lines))
     joined = b" ".join(polygons)
     lengths = text.widths(polygons, joined) if polygons else np.empty(0, np.int64)
-    where = np.array(polygon_lines, dtype=np.int64)
-    before = parts.n_vertices + np.searchsorted(np.array(vertex_lines, dtype=np.int64), where)
-    parts.corners.append(_indices(polygons, joined, polygon_lines, lengths, before))
+    before = parts.n_vertices + np.searchsorted(vertex_lines, where)
+    parts.corners.append(_indices(polygons, joined, where, lengths, before))
     parts.lengths.append(lengths)
     parts.lines.append(where)
     parts.n_vertices += len(vertices)
@@ -69,29 +69,35 @@ def _read_block(parts: _Parts, first: int, lines: list[bytes], limits: ReadLimit
     check_counts(parts.n_vertices, parts.n_triangles, limits)
 
 
-def _picked(lines: list[bytes], first: int, keywords: tuple[bytes, ...]) -> tuple[list[bytes], list[int]]:
-    """Return the lines with one of the keywords, of 2 bytes, without it and comments; and their numbers."""
-    numbers = [number for number, line in enumerate(lines, first) if line.startswith(keywords)]
-    rows = [lines[number - first][2:] for number in numbers]
-    return [_COMMENT.sub(b"", row) if b"#" in row else row for row in rows], numbers
+def _picked(lines: list[bytes], places: Ints) -> list[bytes]:
+    """Return the lines at some places, without their keyword and comments."""
+    rows = [lines[place][2:] for place in places.tolist()]
+    return [_COMMENT.sub(b"", row) for row in rows] if any(b"#" in row for row in rows) else rows
 
 
-def _indices(
-    polygons: list[bytes], joined: bytes, polygon_lines: list[int], lengths: Ints, before: Ints
-) -> Ints:
+def _places(lines: list[bytes]) -> tuple[Ints, Ints]:
+    """Return where the lines of vertices stand, and those of faces: a letter and a blank."""
+    octets = np.frombuffer(b"\n".join([*lines, b"", b""]), dtype=np.uint8)
+    starts = np.concatenate([[0], np.flatnonzero(octets == _NEWLINE) + 1])[: len(lines)]
+    letter, behind = octets[starts], octets[starts + 1]
+    parted = (behind == _BLANK) | (behind == _TAB)
+    return np.flatnonzero(parted & (letter == ord("v"))), np.flatnonzero(parted & (letter == ord("f")))
+
+
+def _indices(polygons: list[bytes], joined: bytes, lines: Ints, lengths: Ints, before: Ints) -> Ints:
     """Return 0-based vertex indices; ``before`` counts the vertices defined above each polygon."""
     named = text.integers(_BEHIND_SLASH.sub(b"", joined) if b"/" in joined else joined, int(lengths.sum()))
     if named is None:
-        raise text.bad_integer([_BEHIND_SLASH.sub(b"", row) for row in polygons], polygon_lines)
+        raise text.bad_integer([_BEHIND_SLASH.sub(b"", row) for row in polygons], lines)
     relative = named < 0
     resolved = np.where(relative, named + np.repeat(before, lengths), named - 1)
     if (resolved < 0).any():
         corner = int(np.argmax(resolved < 0))
-        polygon = int(np.searchsorted(list(accumulate(lengths.tolist())), corner, side="right"))
+        polygon = int(np.searchsorted(np.cumsum(lengths), corner, side="right"))
         if named[corner] == 0:
-            raise text.bad_index(polygon_lines[polygon], 0, int(before[polygon]), 1)
+            raise text.bad_index(int(lines[polygon]), 0, int(before[polygon]), 1)
         raise UnreadableError(
-            f"Line {polygon_lines[polygon]}: a face counts {-int(named[corner])} vertices back, but only "
+            f"Line {lines[polygon]}: a face counts {-int(named[corner])} vertices back, but only "
             f"{int(before[polygon])} stand above it. Export the mesh again."
         )
     return resolved
