@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -209,6 +210,14 @@ def problem(answer: httpx.Response, status: int, slug: str) -> dict[str, object]
     assert document["detail"]
     assert document["instance"]
     return document
+
+
+def until(holds: Callable[[], bool], limit_s: float = 20) -> None:
+    """Wait for a condition."""
+    pause, deadline = threading.Event(), time.monotonic() + limit_s
+    while not holds():
+        assert time.monotonic() < deadline, "the condition never came to hold"
+        pause.wait(0.01)
 
 
 def data_files(root: Path) -> set[str]:

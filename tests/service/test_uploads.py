@@ -6,8 +6,7 @@ import shutil
 import socket
 import subprocess
 import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -16,16 +15,9 @@ import pytest
 
 from spherify.settings import Settings
 from spherify.stores.connect import Stores
-from tests.service.conftest import OCTAHEDRON, data_files, problem, serve
+from tests.service.conftest import OCTAHEDRON, data_files, problem, serve, until
 
 MB = 1_000_000
-
-
-def until(holds: Callable[[], bool], limit_s: float = 20) -> None:
-    pause, deadline = threading.Event(), time.monotonic() + limit_s
-    while not holds():
-        assert time.monotonic() < deadline, "the condition never came to hold"
-        pause.wait(0.01)
 
 
 def connect(url: str) -> socket.socket:
