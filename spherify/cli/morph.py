@@ -171,7 +171,8 @@ class _Files:
             data if iteration == end.iteration else self.written[end.iteration].read_bytes()
         )
         self._move(end.progress, end.sphericity)
-        self.bars.update(self._task, total=max(end.iteration, 1), completed=max(end.iteration, 1))
+        done = max(end.iteration, 1)
+        self.bars.update(self._task, total=done, completed=done, rate=None)
 
     def figures(self, end: RunEnd) -> Row:
         """Return the figures of the result."""

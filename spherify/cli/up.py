@@ -99,5 +99,6 @@ def _settings() -> Settings:
         return Settings()
     except ValidationError as e:
         first = e.errors(include_url=False, include_context=False, include_input=False)[0]
-        name = "_".join(str(part) for part in first["loc"]).upper()
+        name = str(first["loc"][0]).upper()
+        name = name if name == "REDIS_URL" else f"SPHERIFY_{name.removeprefix('SPHERIFY_')}"
         fail(f"{name} in the environment: {first['msg']}", REFUSED)

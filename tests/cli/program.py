@@ -1,0 +1,158 @@
+"""The command line as users have it: a process of its own."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from tests.stack import QUICK, wait_for
+
+COMMAND = (sys.executable, "-m", "spherify.cli")
+LIMIT_S = 100
+
+
+@dataclass(frozen=True)
+class Ended:
+    """What a command left behind."""
+
+    code: int
+    out: str
+    err: str
+
+
+def spherify(*arguments: str | Path, cwd: Path, environment: Mapping[str, str] | None = None) -> Ended:
+    """Run a command to its end."""
+    done = subprocess.run(
+        [*COMMAND, *map(str, arguments)],
+        cwd=cwd,
+        env={**os.environ, **(environment or {})},
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        timeout=LIMIT_S,
+        check=False,
+    )
+    return Ended(done.returncode, done.stdout, done.stderr)
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A process, told apart from a later one of the same number by the moment it started."""
+
+    pid: int
+    parent: int
+    started: str
+    command: str
+
+    def gone(self) -> bool:
+        """Whether it has ended."""
+        now = processes().get(self.pid)
+        return now is None or now.started != self.started
+
+
+def processes() -> dict[int, Seen]:
+    """Return all processes that have not ended, by number."""
+    found = {}
+    for folder in Path("/proc").glob("[0-9]*"):
+        try:
+            state, parent, *others = (folder / "stat").read_text().rpartition(")")[2].split()
+            command = (folder / "cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace")
+        except (FileNotFoundError, ProcessLookupError):
+            continue  # it ended while we looked
+        if state not in "ZX":
+            found[int(folder.name)] = Seen(int(folder.name), int(parent), others[17], command)
+    return found
+
+
+def await_gone(seen: list[Seen]) -> None:
+    """Wait until all of these have ended."""
+    wait_for(lambda: all(one.gone() for one in seen), what=f"the end of {seen}")
+
+
+@dataclass
+class Running:
+    """A command that runs, and what it says."""
+
+    process: subprocess.Popen[str]
+    said: list[str] = field(default_factory=list)
+
+    @property
+    def text(self) -> str:
+        """Everything it has said."""
+        return "".join(self.said)
+
+    def url(self) -> str:
+        """Wait for the banner and return the address in it."""
+        wait_for(lambda: self._alive() and "Ctrl-C stops" in self.text, limit_s=90, what="the banner")
+        found = re.search(r"(http://\S+)/docs", self.text)
+        assert found
+        return found[1]
+
+    def end(self, number: int) -> int:
+        """Send a signal and wait for the end."""
+        self.process.send_signal(number)
+        return self.process.wait(30)
+
+    def children(self, containing: str = "") -> list[Seen]:
+        """Return its children whose command line contains a text."""
+        everything = processes().values()
+        return [seen for seen in everything if seen.parent == self.process.pid and containing in seen.command]
+
+    def family(self) -> list[Seen]:
+        """Return children, their children, and so on."""
+        everything = processes().values()
+        found: list[Seen] = []
+        parents = {self.process.pid}
+        while parents:
+            level = [seen for seen in everything if seen.parent in parents]
+            found += level
+            parents = {seen.pid for seen in level}
+        return found
+
+    def _alive(self) -> bool:
+        assert self.process.poll() is None, f"ended with {self.process.returncode}:\n{self.text}"
+        return True
+
+
+@contextmanager
+def running(
+    *arguments: str | Path, cwd: Path, environment: Mapping[str, str] | None = None
+) -> Iterator[Running]:
+    """Start a command; whatever is left of it at the end of the block is ended."""
+    process = subprocess.Popen(
+        [*COMMAND, *map(str, arguments)],
+        cwd=cwd,
+        env={**os.environ, **QUICK, **(environment or {})},
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        start_new_session=True,
+    )
+    command = Running(process)
+    assert process.stdout is not None
+    reader = threading.Thread(target=command.said.extend, args=(process.stdout,), daemon=True)
+    reader.start()
+    try:
+        yield command
+    finally:
+        family = command.family()
+        if process.poll() is None:
+            process.terminate()
+        try:
+            process.wait(30)
+        finally:
+            for seen in family:
+                if not seen.gone():
+                    os.kill(seen.pid, signal.SIGKILL)
+            process.kill()
+            reader.join(10)
+            process.stdout.close()

@@ -1,0 +1,106 @@
+"""The client of the REST interface against the real service."""
+
+from __future__ import annotations
+
+import os
+import socket
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from spherify.client import Client, RefusedError, UnreachableError
+from spherify.formats import read_mesh, write_mesh
+from spherify.geometry.samples import SAMPLES
+from tests.stack import Stack
+
+PLENTY_B = 1_000_000
+
+
+@pytest.fixture(scope="module")
+def mesh(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("client") / "stone.ply"
+    path.write_bytes(write_mesh(SAMPLES["stone"].build(150), "ply"))
+    return path
+
+
+def test_a_job_is_followed_to_its_end(stack: Stack, mesh: Path, tmp_path: Path) -> None:
+    with Client(stack.url + "/") as client:
+        job = client.submit(mesh, {"iterations": "5", "snapshots": "2", "tags": ["a", "b"]})
+        seen = list(client.follow(job["id"]))
+        assert [state["done"] for state in seen] == [False] * (len(seen) - 1) + [True]
+        assert [state["rev"] for state in seen] == sorted({state["rev"] for state in seen})
+        assert seen[-1]["status"] == "successful"
+        assert seen[-1]["tags"] == ["a", "b"]
+        assert {0, 2, 5} <= {item["iteration"] for item in client.snapshots(job["id"])}
+        client.download(job["id"], "final", "obj", tmp_path / "final.obj")
+    final = read_mesh(tmp_path / "final.obj", "final.obj").mesh
+    assert (final.faces == read_mesh(mesh, mesh.name).mesh.faces).all()
+
+
+def test_a_refusal_carries_the_problem(stack: Stack, mesh: Path, tmp_path: Path) -> None:
+    with Client(stack.url) as client:
+        with pytest.raises(RefusedError, match="stride") as unknown:
+            client.submit(mesh, {"stride": "1"})
+        assert (unknown.value.status, unknown.value.slug) == (422, "invalid-parameters")
+        assert unknown.value.errors[0]["pointer"] == "form/stride"
+        job = client.submit(mesh, {"iterations": "1"})
+        list(client.follow(job["id"]))
+        with pytest.raises(RefusedError) as finished:
+            client.cancel(job["id"])
+        assert (finished.value.status, finished.value.slug) == (409, "job-already-finished")
+        with pytest.raises(RefusedError) as missing:
+            client.download(job["id"], 77, "ply", tmp_path / "no.ply")
+        assert missing.value.status == 404
+    assert os.listdir(tmp_path) == []
+
+
+def test_nobody_at_the_address() -> None:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        url = f"http://127.0.0.1:{probe.getsockname()[1]}"
+        with Client(url) as client, pytest.raises(UnreachableError, match=url):
+            client.job("job_01K5Z9Q8M4T6V2X0Y7R3N1W5BC")
+
+
+@contextmanager
+def answering(head: bytes, body: bytes) -> Iterator[str]:
+    """Answer one request with these bytes and hang up."""
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+
+        def answer() -> None:
+            connection, _ = listener.accept()
+            with connection:
+                connection.recv(65536)
+                connection.sendall(head + b"\r\n\r\n" + body)
+
+        thread = threading.Thread(target=answer)
+        thread.start()
+        yield f"http://127.0.0.1:{listener.getsockname()[1]}"
+        thread.join(10)
+
+
+def test_a_download_that_breaks_off_leaves_no_file(tmp_path: Path) -> None:
+    head = f"HTTP/1.1 200 OK\r\nContent-Length: {PLENTY_B}".encode()
+    target = tmp_path / "state.ply"
+    target.write_text("an earlier one")
+    with (
+        answering(head, b"ply\n" * 1000) as url,
+        Client(url) as client,
+        pytest.raises(UnreachableError, match="broke"),
+    ):
+        client.download("job_1", 5, "ply", target)
+    assert os.listdir(tmp_path) == ["state.ply"]
+    assert target.read_text() == "an earlier one"
+
+
+def test_an_error_that_is_no_problem_document_is_told_by_its_number() -> None:
+    head = b"HTTP/1.1 502 Bad Gateway\r\nContent-Length: 6"
+    with (
+        answering(head, b"<html>") as url,
+        Client(url) as client,
+        pytest.raises(RefusedError, match="502"),
+    ):
+        client.job("job_1")

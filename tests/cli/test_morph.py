@@ -1,0 +1,206 @@
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from spherify.cli.commands import app
+from spherify.formats import FORMATS_OUT, read_mesh
+from spherify.geometry.samples import SAMPLES
+from tests.cli.program import COMMAND, spherify
+from tests.stack import wait_for
+
+OCTAHEDRON = """v 1 0 0
+v -1 0 0
+v 0 1 0
+v 0 -1 0
+v 0 0 1
+v 0 0 -1
+f 1 3 5
+f 3 2 5
+f 2 4 5
+f 4 1 5
+f 3 1 6
+f 2 3 6
+f 4 2 6
+"""
+LAST_FACE = "f 1 4 6\n"
+PROMISED = {
+    "sphericity",
+    "radius_variation",
+    "inward_faces",
+    "faces",
+    "iterations",
+    "stop_reason",
+    "seconds",
+    "vertices",
+}
+
+
+def report(folder: Path, *arguments: str | Path, code: int = 0) -> dict[str, object]:
+    """Morph with --json and return the report, which is all there is on standard output."""
+    done = spherify("morph", *arguments, "--json", cwd=folder)
+    assert done.code == code, done.err
+    (line,) = done.out.splitlines()
+    found = json.loads(line)
+    assert found.keys() >= PROMISED
+    return dict(found)
+
+
+def test_it_reports_once_and_writes_the_result(tmp_path: Path) -> None:
+    found = report(tmp_path, "sample:stone:300", "-o", "out.ply", "--iterations", "8")
+    mesh = read_mesh(tmp_path / "out.ply", "out.ply").mesh
+    assert (found["vertices"], found["faces"]) == (len(mesh.vertices), len(mesh.faces))
+    assert (found["iterations"], found["stop_reason"]) == (8, "iterations")
+    assert isinstance(found["seconds"], float)
+    assert found["seconds"] > 0
+    assert os.listdir(tmp_path) == ["out.ply"]
+
+
+@pytest.mark.parametrize("mesh_format", FORMATS_OUT)
+def test_the_suffix_decides_the_format(tmp_path: Path, mesh_format: str) -> None:
+    report(tmp_path, "sample:cube:100", "-o", f"out.{mesh_format}", "--iterations", "1")
+    read = read_mesh(tmp_path / f"out.{mesh_format}", f"out.{mesh_format}")
+    assert read.report.format == mesh_format
+
+
+def test_snapshots_stand_beside_the_result(tmp_path: Path) -> None:
+    found = report(tmp_path, "sample:cube:100", "-o", "a.obj", "--iterations", "6", "--snapshots", "2,4")
+    names = [f"a_it{n:05d}.obj" for n in (0, 2, 4, 6)]
+    assert found["snapshots"] == names
+    assert sorted(os.listdir(tmp_path)) == ["a.obj", *names]
+    assert (tmp_path / "a.obj").read_bytes() == (tmp_path / names[-1]).read_bytes()
+    assert (tmp_path / names[0]).read_bytes() != (tmp_path / names[1]).read_bytes()
+
+
+def test_the_same_run_writes_the_same_bytes(tmp_path: Path) -> None:
+    for name in ("a.ply", "b.ply"):
+        report(tmp_path, "sample:non-convex-sphere:200", "-o", name, "--iterations", "5")
+    assert (tmp_path / "a.ply").read_bytes() == (tmp_path / "b.ply").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("source", "options", "reason"),
+    [
+        ("sample:stone:300", ["--set", "stop_radius_variation=0.9"], "converged"),
+        (
+            "sample:stone:300",
+            ["--set", 'annealing={"patience":1,"factor":0.1,"min_step":0.049}'],
+            "stalled",
+        ),
+        ("octahedron.obj", ["--preset", "paper"], "constant-curvature"),
+    ],
+)
+def test_a_run_that_ends_by_itself_says_how(
+    tmp_path: Path, source: str, options: list[str], reason: str
+) -> None:
+    (tmp_path / "octahedron.obj").write_text(OCTAHEDRON + LAST_FACE)
+    found = report(tmp_path, source, "-o", "out.ply", "--iterations", "3000", *options)
+    assert found["stop_reason"] == reason
+    assert isinstance(found["iterations"], int)
+    assert found["iterations"] < 3000
+    assert (tmp_path / "out.ply").exists()
+
+
+def test_a_collapsed_run_leaves_its_best_state_and_exit_code_3(tmp_path: Path) -> None:
+    options = ["--preset", "paper", "--set", "step=0.2", "--iterations", "3000"]
+    found = report(tmp_path, "sample:quadruped:400", "-o", "out.ply", *options, code=3)
+    assert found["stop_reason"] == "collapsed"
+    best = read_mesh(tmp_path / "out.ply", "out.ply")
+    assert best.report.volume is not None
+    assert best.report.volume > 0
+    assert best.report.sphericity == pytest.approx(found["sphericity"], rel=1e-9)
+    start = report(tmp_path, "sample:quadruped:400", "-o", "start.ply", "--iterations", "0")
+    assert float(str(found["sphericity"])) >= float(str(start["sphericity"]))
+
+
+def test_ctrl_c_writes_what_there_is(tmp_path: Path) -> None:
+    arguments = ["sample:stone:2000", "-o", "out.ply", "--snapshots", "3", "--json", "--iterations", "900000"]
+    arguments += ["--set", "annealing=null", "--set", "stop_radius_variation=0"]
+    with subprocess.Popen(
+        [*COMMAND, "morph", *arguments],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        wait_for((tmp_path / "out_it00003.ply").exists, limit_s=60)
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    found = json.loads(out)
+    assert found["stop_reason"] == "cancelled"
+    assert f"iteration {found['iterations']}" in err
+    assert len(read_mesh(tmp_path / "out.ply", "out.ply").mesh.vertices) == found["vertices"]
+
+
+def test_a_refused_mesh_is_one_sentence_and_exit_code_2(tmp_path: Path) -> None:
+    (tmp_path / "open.obj").write_text(OCTAHEDRON)
+    done = spherify("morph", "open.obj", "-o", "out.ply", "--json", cwd=tmp_path)
+    assert done.code == 2
+    assert done.out == ""
+    (line,) = done.err.splitlines()
+    assert line.startswith("spherify: open.obj: ")
+    assert "3 " in line  # boundary edges
+    assert "boundary" in line
+    assert os.listdir(tmp_path) == ["open.obj"]
+
+
+def test_a_switch_lets_the_same_mesh_in(tmp_path: Path) -> None:
+    (tmp_path / "open.obj").write_text(OCTAHEDRON)
+    found = report(tmp_path, "open.obj", "-o", "out.ply", "--allow", "boundary", "--iterations", "2")
+    assert found["faces"] == 7
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["no.obj", "-o", "out.ply"], "no.obj"),
+        (["sample:dragon", "-o", "out.ply"], "quadruped"),
+        (["sample:cube:many", "-o", "out.ply"], "sample:cube:5000"),
+        (["sample:cube", "-o", "out.txt"], ".ply"),
+        (["sample:cube", "-o", "nowhere/out.ply"], "nowhere"),
+        (["sample:cube", "-o", "out.ply", "--preset", "magic"], "paper-absolute"),
+        (["sample:cube", "-o", "out.ply", "--set", "step"], "name=value"),
+        (["sample:cube", "-o", "out.ply", "--set", "stride=1"], "stride"),
+        (["sample:cube", "-o", "out.ply", "--set", "step=-1"], "step"),
+        (["sample:cube", "-o", "out.ply", "--set", "window=[70,30]"], "window"),
+        (["sample:cube", "-o", "out.ply", "--snapshots", "often"], "every:N"),
+        (["sample:cube", "-o", "out.ply", "--iterations", "5", "--snapshots", "9"], "0 … 5"),
+        (["sample:cube", "-o", "out.ply", "--engine", "steam"], "reference"),
+        (["sample:cube", "-o", "out.ply", "--allow", "everything"], "everything"),
+    ],
+)
+def test_a_wrong_option_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: list[str], says: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("sphere.obj").write_text(OCTAHEDRON + LAST_FACE)
+    if "--allow" in arguments:
+        arguments = ["sphere.obj", *arguments[1:]]
+    done = CliRunner().invoke(app, ["morph", *arguments])
+    assert done.exit_code == 2
+    assert says in done.stderr
+    assert isinstance(done.exception, SystemExit)  # not one that would be printed as a trace
+    assert os.listdir() == ["sphere.obj"]
+
+
+def test_version(tmp_path: Path) -> None:
+    done = spherify("--version", cwd=tmp_path)
+    assert (done.code, done.out) == (0, "spherify 0.1.0\n")
+
+
+def test_samples_are_listed_and_written(tmp_path: Path) -> None:
+    listed = spherify("samples", cwd=tmp_path)
+    assert listed.code == 0
+    assert [line.split()[0] for line in listed.out.splitlines()] == [f"sample:{name}" for name in SAMPLES]
+    written = spherify("samples", "-o", "shapes", "--format", "off", "--vertices", "200", cwd=tmp_path)
+    assert written.code == 0
+    assert sorted(os.listdir(tmp_path / "shapes")) == sorted(f"{name}.off" for name in SAMPLES)
+    for path in (tmp_path / "shapes").iterdir():
+        assert read_mesh(path, path.name).report.eligible

@@ -1,0 +1,89 @@
+from __future__ import annotations
+
+import os
+import socket
+from pathlib import Path
+
+import pytest
+
+from spherify.formats import read_mesh, write_mesh
+from spherify.geometry.samples import SAMPLES
+from tests.cli.program import spherify
+from tests.cli.test_morph import OCTAHEDRON
+from tests.stack import Stack
+
+
+@pytest.fixture
+def meshes(tmp_path: Path) -> Path:
+    for name in ("stone", "cube"):
+        (tmp_path / f"{name}.off").write_bytes(write_mesh(SAMPLES[name].build(200), "off"))
+    return tmp_path
+
+
+def test_several_files_come_back_as_snapshots(stack: Stack, meshes: Path) -> None:
+    options = ["--url", stack.url, "-o", "out", "--iterations", "6", "--snapshots", "2,4", "--format", "stl"]
+    done = spherify("submit", "stone.off", "cube.off", *options, cwd=meshes)
+    assert done.code == 0, done.err
+    names = sorted(f"{name}_it{n:05d}.stl" for name in ("stone", "cube") for n in (0, 2, 4, 6))
+    assert set(names) <= set(os.listdir(meshes / "out"))
+    assert not [name for name in os.listdir(meshes / "out") if name.endswith(".part")]
+    assert "stone.off" in done.err
+    assert "cube.off" in done.err
+
+
+def test_files_of_one_name_do_not_overwrite_each_other(stack: Stack, meshes: Path) -> None:
+    (meshes / "stone.ply").write_bytes(write_mesh(SAMPLES["stone"].build(300), "ply"))
+    done = spherify("submit", "stone.off", "stone.ply", "--url", stack.url, "--iterations", "1", cwd=meshes)
+    assert done.code == 0, done.err
+    sizes = [
+        len(read_mesh(path, path.name).mesh.vertices) for path in sorted(meshes.glob("stone*_it00001.ply"))
+    ]
+    assert len(set(sizes)) == 2
+
+
+def test_the_same_bytes_as_a_local_run(stack: Stack, meshes: Path) -> None:
+    settings = ["--iterations", "7", "--set", "step=0.04", "--set", "window=[25,75]"]
+    assert spherify("submit", "stone.off", "--url", stack.url, *settings, cwd=meshes).code == 0
+    assert spherify("morph", "stone.off", "-o", "local.ply", *settings, cwd=meshes).code == 0
+    assert (meshes / "stone_it00007.ply").read_bytes() == (meshes / "local.ply").read_bytes()
+
+
+def test_a_refusal_is_a_sentence_and_the_others_go_on(stack: Stack, meshes: Path) -> None:
+    (meshes / "open.obj").write_text(OCTAHEDRON)
+    done = spherify("submit", "open.obj", "cube.off", "--url", stack.url, "--iterations", "1", cwd=meshes)
+    assert done.code == 1
+    assert "open.obj: " in done.err
+    assert "boundary" in done.err
+    assert (meshes / "cube_it00001.ply").exists()
+
+
+def test_a_wrong_parameter_is_named(stack: Stack, meshes: Path) -> None:
+    done = spherify("submit", "cube.off", "--url", stack.url, "--set", "stride=1", cwd=meshes)
+    assert done.code == 1
+    assert "stride" in done.err
+
+
+def test_a_collapsed_job_is_told_and_its_snapshots_are_saved(stack: Stack, meshes: Path) -> None:
+    (meshes / "animal.ply").write_bytes(write_mesh(SAMPLES["quadruped"].build(400), "ply"))
+    options = ["--preset", "paper", "--set", "step=0.2", "--iterations", "3000", "--snapshots", "10"]
+    done = spherify("submit", "animal.ply", "--url", stack.url, *options, cwd=meshes)
+    assert done.code == 1
+    assert "inside out" in done.err
+    assert (meshes / "animal_it00010.ply").exists()
+
+
+def test_nobody_there(meshes: Path) -> None:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        url = f"http://127.0.0.1:{probe.getsockname()[1]}"
+        done = spherify("submit", "cube.off", "--url", url, cwd=meshes)
+    assert done.code == 1
+    assert url in done.err
+    assert "spherify up" in done.err
+    assert "Traceback" not in done.err
+
+
+def test_a_missing_file_is_named(stack: Stack, meshes: Path) -> None:
+    done = spherify("submit", "no.obj", "--url", stack.url, cwd=meshes)
+    assert done.code == 1
+    assert "no.obj" in done.err
