@@ -1,45 +1,17 @@
-"""Log lines as JSON objects, one a line; all that belong to a request carry its ``request_id``."""
+"""Where the log lines of an API process go."""
 
 from __future__ import annotations
 
-import json
 import logging
-import sys
-import time
-from contextvars import ContextVar
-from typing import Final
 
-current_request: ContextVar[str | None] = ContextVar("current_request", default=None)
-_FIELDS: Final = ("action", "job_id", "mesh_id", "method", "path", "status", "ms")
-
-
-class JsonLines(logging.Formatter):
-    """A record as one line of JSON; whatever a client sent is escaped."""
-
-    def format(self, record: logging.LogRecord) -> str:
-        """Return the line."""
-        moment = time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime(record.created))
-        line: dict[str, object] = {
-            "time": f"{moment}.{record.msecs:03.0f}Z",
-            "level": record.levelname.lower(),
-            "logger": record.name,
-            "message": record.getMessage(),
-            "process": record.process,
-        }
-        if (request_id := current_request.get()) is not None:
-            line["request_id"] = request_id
-        line.update({name: getattr(record, name) for name in _FIELDS if hasattr(record, name)})
-        if record.exc_info:
-            line["trace"] = self.formatException(record.exc_info)
-        return json.dumps(line, ensure_ascii=False)
+from spherify.logs import json_handler
 
 
 def set_up() -> None:
     """Send our lines of this process to standard error, unless somebody configured logging already."""
     if logging.getLogger().handlers:
         return
-    handler = logging.StreamHandler(sys.stderr)
-    handler.setFormatter(JsonLines())
+    handler = json_handler()
     for name in ("service", "spherify"):
         logger = logging.getLogger(name)
         logger.setLevel(logging.INFO)

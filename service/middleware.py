@@ -16,8 +16,8 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from ulid import ULID
 
 from service.answers import problem_answer
-from service.logs import current_request
 from service.problems import ProblemError, problem_of, problem_of_status
+from spherify.logs import current_request
 
 REQUEST_ID: Final = "X-Request-ID"
 EXPOSED: Final = (

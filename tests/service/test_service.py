@@ -18,10 +18,10 @@ import httpx
 import pytest
 
 import service
-from service.logs import JsonLines
 from service.schemas import FiguresOut
 from spherify.geometry.metrics import Metrics
 from spherify.geometry.presets import PRESETS
+from spherify.logs import JsonLines
 from spherify.parameters import Parameters
 from spherify.settings import Settings
 from spherify.stores.connect import Stores, open_stores
