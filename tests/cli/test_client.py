@@ -16,8 +16,6 @@ from spherify.formats import read_mesh, write_mesh
 from spherify.geometry.samples import SAMPLES
 from tests.stack import Stack
 
-PLENTY_B = 1_000_000
-
 
 @pytest.fixture(scope="module")
 def mesh(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -57,7 +55,8 @@ def test_a_refusal_carries_the_problem(stack: Stack, mesh: Path, tmp_path: Path)
     assert os.listdir(tmp_path) == []
 
 
-def test_nobody_at_the_address() -> None:
+def test_nobody_at_the_address(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("spherify.client.PATIENCE_S", 0.0)
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         url = f"http://127.0.0.1:{probe.getsockname()[1]}"
@@ -65,42 +64,66 @@ def test_nobody_at_the_address() -> None:
             client.job("job_01K5Z9Q8M4T6V2X0Y7R3N1W5BC")
 
 
+def take_request(connection: socket.socket) -> None:
+    """Read one request whole: who hangs up on unread bytes resets the connection."""
+    with connection.makefile("rb") as lines:
+        length = 0
+        while (line := lines.readline().lower()) not in {b"\r\n", b""}:
+            if line.startswith(b"content-length:"):
+                length = int(line.split(b":")[1])
+        lines.read(length)
+
+
 @contextmanager
-def answering(head: bytes, body: bytes) -> Iterator[str]:
-    """Answer one request with these bytes and hang up."""
+def answering(*answers: bytes) -> Iterator[str]:
+    """Answer one request after the other with these bytes, and hang up after each."""
     with socket.create_server(("127.0.0.1", 0)) as listener:
 
         def answer() -> None:
-            connection, _ = listener.accept()
-            with connection:
-                connection.recv(65536)
-                connection.sendall(head + b"\r\n\r\n" + body)
+            for data in answers:
+                connection, _ = listener.accept()
+                with connection:
+                    take_request(connection)
+                    connection.sendall(data)
 
         thread = threading.Thread(target=answer)
         thread.start()
         yield f"http://127.0.0.1:{listener.getsockname()[1]}"
         thread.join(10)
+        assert not thread.is_alive(), "fewer requests than answers"
 
 
-def test_a_download_that_breaks_off_leaves_no_file(tmp_path: Path) -> None:
-    head = f"HTTP/1.1 200 OK\r\nContent-Length: {PLENTY_B}".encode()
+WHOLE = b"HTTP/1.1 200 OK\r\nContent-Length: 6\r\n\r\nply\nok"
+CUT = b"HTTP/1.1 200 OK\r\nContent-Length: 1000000\r\n\r\n" + b"ply\n" * 1000
+NOT_READY = b"HTTP/1.1 503 Service Unavailable\r\nContent-Length: 2\r\n\r\n{}"
+
+
+def test_a_download_that_breaks_off_leaves_what_was_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("spherify.client.PATIENCE_S", 0.0)
     target = tmp_path / "state.ply"
     target.write_text("an earlier one")
-    with (
-        answering(head, b"ply\n" * 1000) as url,
-        Client(url) as client,
-        pytest.raises(UnreachableError, match="broke"),
-    ):
+    with answering(CUT) as url, Client(url) as client, pytest.raises(UnreachableError, match="broke"):
         client.download("job_1", 5, "ply", target)
     assert os.listdir(tmp_path) == ["state.ply"]
     assert target.read_text() == "an earlier one"
 
 
+def test_reading_is_tried_again_after_a_broken_connection_and_a_503(tmp_path: Path) -> None:
+    with answering(CUT, NOT_READY, WHOLE) as url, Client(url) as client:
+        client.download("job_1", 5, "ply", tmp_path / "state.ply")
+    assert (tmp_path / "state.ply").read_bytes() == b"ply\nok"
+
+
+def test_an_upload_is_sent_once(mesh: Path) -> None:
+    # a second one would be a second job
+    with answering(NOT_READY) as url, Client(url) as client, pytest.raises(RefusedError) as refused:
+        client.submit(mesh, {})
+    assert refused.value.status == 503
+
+
 def test_an_error_that_is_no_problem_document_is_told_by_its_number() -> None:
-    head = b"HTTP/1.1 502 Bad Gateway\r\nContent-Length: 6"
-    with (
-        answering(head, b"<html>") as url,
-        Client(url) as client,
-        pytest.raises(RefusedError, match="502"),
-    ):
+    answer = b"HTTP/1.1 502 Bad Gateway\r\nContent-Length: 6\r\n\r\n<html>"
+    with answering(answer) as url, Client(url) as client, pytest.raises(RefusedError, match="502"):
         client.job("job_1")
