@@ -16,7 +16,9 @@ from spherify.cli.interruption import interruptible
 from spherify.cli.stack import Address, Stack, StackError
 from spherify.cli.submit import show
 from spherify.client import Client, RefusedError, ServiceError, UnreachableError
-from spherify.formats import ALLOW, read_mesh, write_mesh
+from spherify.formats import ReadLimits, write_mesh
+from spherify.formats.acceptance import read
+from spherify.geometry.mesh import TriangleMesh
 from spherify.geometry.presets import DEFAULT_PRESET
 from spherify.geometry.samples import SAMPLES
 from spherify.stores.embedded import EmbeddedServerError
@@ -133,7 +135,9 @@ def _picture(folder: Path, stem: str, figures: list[dict[str, Any]], up_axis: st
     panels = []
     for item in shown:
         path = folder / _name(stem, item["iteration"], "ply")
-        mesh = read_mesh(path, path.name, allow=ALLOW).mesh
+        # parsed here and not judged: the file is ours, and all panels need the same vertices
+        raw = read(path.read_bytes(), "ply", ReadLimits())
+        mesh = TriangleMesh.checked(raw.vertices, raw.faces)
         panels.append(Panel(mesh, f"iteration {item['iteration']}", f"Ψ {item['metrics']['sphericity']:.4f}"))
     target = folder / f"{stem}.png"
     target.write_bytes(side_by_side(panels, view=View(up=up_axis)))

@@ -10,7 +10,8 @@ import pytest
 from typer.testing import CliRunner
 
 from spherify.cli.commands import app
-from spherify.formats import FORMATS_OUT, read_mesh
+from spherify.formats import FORMATS_OUT, ReadLimits, read_mesh
+from spherify.formats.acceptance import accept
 from spherify.geometry.samples import SAMPLES
 from tests.cli.program import COMMAND, spherify
 from tests.stack import wait_for
@@ -203,4 +204,4 @@ def test_samples_are_listed_and_written(tmp_path: Path) -> None:
     assert written.code == 0
     assert sorted(os.listdir(tmp_path / "shapes")) == sorted(f"{name}.off" for name in SAMPLES)
     for path in (tmp_path / "shapes").iterdir():
-        assert read_mesh(path, path.name).report.eligible
+        assert accept(path.read_bytes(), path.name, (), ReadLimits()).report.eligible

@@ -26,6 +26,7 @@ pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="re
 
 API = "spherify.cli.api_program"
 WORKER = "-m worker"
+ENDLESS = {"preset": "paper", "iterations": "900000"}
 SERVER = "-server "  # valkey-server or redis-server
 
 
@@ -117,6 +118,8 @@ def test_data_is_kept_between_runs_and_nothing_is_left_behind(tmp_path: Path, me
     with running("up", "--port", "0", "--data", "data", cwd=tmp_path) as command:
         with Client(command.url()) as client:
             *_, job = client.follow(client.submit(mesh, {"iterations": "3"})["id"])
+            endless = client.submit(mesh, ENDLESS)["id"]
+            wait_for(lambda: client.job(endless)["progress"]["iteration"] > 0)
         family = command.family()
         assert len(family) >= 4, family  # server, API, worker, its pool
         assert command.end(signal.SIGINT) == 0
@@ -127,6 +130,8 @@ def test_data_is_kept_between_runs_and_nothing_is_left_behind(tmp_path: Path, me
         with Client(command.url()) as client:
             assert client.job(job["id"])["status"] == "successful"
             client.download(job["id"], "final", "ply", tmp_path / "final.ply")
+            again = wait_for(lambda: (found := client.job(endless))["status"] == "running" and found)
+            assert again["attempt"] == 2
         assert len(command.children(WORKER)) == 2
         wait_for(lambda: len(command.family()) >= 6)  # both workers with their pools
         family = command.family()
