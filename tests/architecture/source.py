@@ -45,7 +45,7 @@ def imports(path: Path) -> Iterator[tuple[int, str]]:
 
 def is_standard(name: str) -> bool:
     """Whether a module comes with Python."""
-    return name.split(".")[0] in sys.stdlib_module_names
+    return name.split(".", maxsplit=1)[0] in sys.stdlib_module_names
 
 
 def within(name: str, package: str) -> bool:

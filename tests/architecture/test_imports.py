@@ -1,8 +1,8 @@
 """Who may import whom, held against the syntax trees.
 
-    service ─┐
-             ├─> spherify.stores, spherify.formats ─> spherify.jobs ─> spherify.geometry ─> numpy
-    worker ──┘
+service ─┐
+         ├─> spherify.stores, spherify.formats ─> spherify.jobs ─> spherify.geometry ─> numpy
+worker ──┘
 """
 
 from __future__ import annotations
@@ -41,6 +41,7 @@ OURS = {
     "spherify.stores": ("spherify.stores", "spherify.jobs", "spherify.settings"),
     "spherify.parameters": ("spherify.geometry",),
     "spherify.settings": (),
+    "spherify.logs": (),
     "spherify.pictures": ("spherify.geometry",),
     "spherify.client": (),
     "spherify.cli": ("spherify",),  # starts the other two as programs, and never imports them
@@ -49,7 +50,7 @@ OURS = {
 }
 """Each part of the project with the parts it may import."""
 
-SHARED = ("spherify.parameters", "spherify.settings", "spherify.__version__")
+SHARED = ("spherify.parameters", "spherify.settings", "spherify.logs", "spherify.__version__")
 """What both programs read besides."""
 
 MODULES = modules()
