@@ -8,7 +8,7 @@ import pytest
 
 from spherify.formats import read_mesh, write_mesh
 from spherify.geometry.samples import SAMPLES
-from tests.cli.program import spherify
+from tests.cli.program import spherify, spherify_here
 from tests.cli.test_morph import OCTAHEDRON
 from tests.stack import Stack
 
@@ -33,7 +33,9 @@ def test_several_files_come_back_as_snapshots(stack: Stack, meshes: Path) -> Non
 
 def test_files_of_one_name_do_not_overwrite_each_other(stack: Stack, meshes: Path) -> None:
     (meshes / "stone.ply").write_bytes(write_mesh(SAMPLES["stone"].build(300), "ply"))
-    done = spherify("submit", "stone.off", "stone.ply", "--url", stack.url, "--iterations", "1", cwd=meshes)
+    done = spherify_here(
+        "submit", "stone.off", "stone.ply", "--url", stack.url, "--iterations", "1", cwd=meshes
+    )
     assert done.code == 0, done.err
     sizes = [
         len(read_mesh(path, path.name).mesh.vertices) for path in sorted(meshes.glob("stone*_it00001.ply"))
@@ -43,14 +45,16 @@ def test_files_of_one_name_do_not_overwrite_each_other(stack: Stack, meshes: Pat
 
 def test_the_same_bytes_as_a_local_run(stack: Stack, meshes: Path) -> None:
     settings = ["--iterations", "7", "--set", "step=0.04", "--set", "window=[25,75]"]
-    assert spherify("submit", "stone.off", "--url", stack.url, *settings, cwd=meshes).code == 0
-    assert spherify("morph", "stone.off", "-o", "local.ply", *settings, cwd=meshes).code == 0
+    assert spherify_here("submit", "stone.off", "--url", stack.url, *settings, cwd=meshes).code == 0
+    assert spherify_here("morph", "stone.off", "-o", "local.ply", *settings, cwd=meshes).code == 0
     assert (meshes / "stone_it00007.ply").read_bytes() == (meshes / "local.ply").read_bytes()
 
 
 def test_a_refusal_is_a_sentence_and_the_others_go_on(stack: Stack, meshes: Path) -> None:
     (meshes / "open.obj").write_text(OCTAHEDRON)
-    done = spherify("submit", "open.obj", "cube.off", "--url", stack.url, "--iterations", "1", cwd=meshes)
+    done = spherify_here(
+        "submit", "open.obj", "cube.off", "--url", stack.url, "--iterations", "1", cwd=meshes
+    )
     assert done.code == 1
     assert "open.obj: " in done.err
     assert "boundary" in done.err
@@ -58,7 +62,7 @@ def test_a_refusal_is_a_sentence_and_the_others_go_on(stack: Stack, meshes: Path
 
 
 def test_a_wrong_parameter_is_named(stack: Stack, meshes: Path) -> None:
-    done = spherify("submit", "cube.off", "--url", stack.url, "--set", "stride=1", cwd=meshes)
+    done = spherify_here("submit", "cube.off", "--url", stack.url, "--set", "stride=1", cwd=meshes)
     assert done.code == 1
     assert "stride" in done.err
 
@@ -66,7 +70,7 @@ def test_a_wrong_parameter_is_named(stack: Stack, meshes: Path) -> None:
 def test_a_collapsed_job_is_told_and_its_snapshots_are_saved(stack: Stack, meshes: Path) -> None:
     (meshes / "animal.ply").write_bytes(write_mesh(SAMPLES["quadruped"].build(400), "ply"))
     options = ["--preset", "paper", "--set", "step=0.2", "--iterations", "3000", "--snapshots", "10"]
-    done = spherify("submit", "animal.ply", "--url", stack.url, *options, cwd=meshes)
+    done = spherify_here("submit", "animal.ply", "--url", stack.url, *options, cwd=meshes)
     assert done.code == 1
     assert "inside out" in done.err
     assert (meshes / "animal_it00010.ply").exists()
@@ -76,7 +80,7 @@ def test_nobody_there(meshes: Path) -> None:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         url = f"http://127.0.0.1:{probe.getsockname()[1]}"
-        done = spherify("submit", "cube.off", "--url", url, cwd=meshes)
+        done = spherify_here("submit", "cube.off", "--url", url, cwd=meshes)
     assert done.code == 1
     assert url in done.err
     assert "spherify up" in done.err
@@ -84,6 +88,6 @@ def test_nobody_there(meshes: Path) -> None:
 
 
 def test_a_missing_file_is_named(stack: Stack, meshes: Path) -> None:
-    done = spherify("submit", "no.obj", "--url", stack.url, cwd=meshes)
+    done = spherify_here("submit", "no.obj", "--url", stack.url, cwd=meshes)
     assert done.code == 1
     assert "no.obj" in done.err

@@ -19,7 +19,7 @@ from spherify.client import Client
 from spherify.formats import write_mesh
 from spherify.geometry.samples import SAMPLES
 from spherify.stores.embedded import EmbeddedServer
-from tests.cli.program import Running, await_gone, running, spherify
+from tests.cli.program import Running, await_gone, running, spherify, spherify_here
 from tests.stack import wait_for
 
 pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
@@ -73,7 +73,7 @@ def test_the_lines_of_the_banner_work(up: Up, tmp_path: Path) -> None:
     banner = up.command.text
     (make,) = re.findall(r"^  spherify (samples .*)$", banner, re.MULTILINE)
     upload, look, download = re.findall(r"^  (curl .*)$", banner, re.MULTILINE)
-    assert spherify(*make.split(), "--vertices", "200", cwd=tmp_path).code == 0
+    assert spherify_here(*make.split(), "--vertices", "200", cwd=tmp_path).code == 0
     upload = upload.replace("iterations=1000", "iterations=20").replace("100,500,1000", "5")
     job_id = json.loads(run(f"{upload} -sS"))["id"]
     with Client(up.url) as client:
@@ -85,7 +85,7 @@ def test_the_lines_of_the_banner_work(up: Up, tmp_path: Path) -> None:
 
 def test_a_port_in_use_is_named_with_the_cure(up: Up, tmp_path: Path) -> None:
     port = httpx.URL(up.url).port
-    done = spherify("up", "--port", str(port), "--data", "data", cwd=tmp_path)
+    done = spherify_here("up", "--port", str(port), "--data", "data", cwd=tmp_path)
     assert done.code == 1
     assert f"port {port}" in done.err
     assert "--port" in done.err
@@ -93,7 +93,7 @@ def test_a_port_in_use_is_named_with_the_cure(up: Up, tmp_path: Path) -> None:
 
 
 def test_a_data_folder_in_use_is_refused(up: Up, tmp_path: Path) -> None:
-    done = spherify("up", "--port", "0", "--data", up.data, cwd=tmp_path)
+    done = spherify_here("up", "--port", "0", "--data", up.data, cwd=tmp_path)
     assert done.code == 1
     assert str(up.data) in done.err
     assert f"process {up.command.process.pid}" in done.err
@@ -168,7 +168,7 @@ def test_a_wrong_setting_is_a_sentence(tmp_path: Path) -> None:
 
 
 def test_a_host_that_does_not_exist_is_a_sentence(tmp_path: Path) -> None:
-    done = spherify("up", "--host", "no.such.host.invalid", "--data", "data", cwd=tmp_path)
+    done = spherify_here("up", "--host", "no.such.host.invalid", "--data", "data", cwd=tmp_path)
     assert done.code == 1
     assert "no.such.host.invalid" in done.err
     assert "Traceback" not in done.err
