@@ -42,6 +42,9 @@ format: setup-dev ## rewrite in the house format
 test: setup-dev ## set up, then every test
 	$(BIN)/python -m pytest $(ARGS)
 
+bench: setup-dev ## measure a step against vtkCurvatures with numpy, as ratios in one run
+	$(BIN)/python -m benchmarks
+
 openapi: setup ## write openapi/openapi.json from the code
 	$(BIN)/python -m service.openapi openapi/openapi.json
 
