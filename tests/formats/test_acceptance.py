@@ -259,7 +259,7 @@ def test_sizes_that_cannot_be_reckoned_with_are_refused_with_the_cure(vertices: 
 
 
 def test_numbers_that_are_not_finite_are_seen_in_binary_files_too():
-    for mesh_format, at in (("ply", -12 * 13 - 24), ("stl", 84 + 12), ("glb", -12 * 12 - 4)):
+    for mesh_format, at in (("ply", -12 * 13 - 24), ("stl", 84 + 12), ("glb", -4)):
         data = bytearray(write_mesh(cube(), mesh_format, precision="double"))
         start = at % len(data) if mesh_format != "stl" else at
         width = 8 if mesh_format == "ply" else 4

@@ -9,16 +9,28 @@ from typing import Any
 import numpy as np
 import pytest
 
-from spherify.formats import write_mesh
 from spherify.formats.errors import TooLargeError, UnreadableError
 from spherify.formats.limits import ReadLimits
 from spherify.formats.readers.glb import read_glb
-from tests.formats.shapes import CUBE_CORNERS, CUBE_FACES, LIMITS, cube
+from tests.formats.shapes import CUBE_CORNERS, CUBE_FACES, LIMITS
 
-CUBE = write_mesh(cube(), "glb")
-LENGTH = struct.unpack_from("<I", CUBE, 12)[0]
-DESCRIPTION = json.loads(CUBE[20 : 20 + LENGTH])
-BINARY = CUBE[28 + LENGTH :]
+BINARY = CUBE_CORNERS.astype("<f4").tobytes() + CUBE_FACES.astype("<u4").tobytes()
+DESCRIPTION = {
+    "asset": {"version": "2.0"},
+    "scene": 0,
+    "scenes": [{"nodes": [0]}],
+    "nodes": [{"mesh": 0}],
+    "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+    "accessors": [
+        {"bufferView": 0, "componentType": 5126, "count": 8, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 1]},
+        {"bufferView": 1, "componentType": 5125, "count": 36, "type": "SCALAR"},
+    ],
+    "bufferViews": [
+        {"buffer": 0, "byteOffset": 0, "byteLength": 96},
+        {"buffer": 0, "byteOffset": 96, "byteLength": 144},
+    ],
+    "buffers": [{"byteLength": 240}],
+}  # fmt: skip
 
 
 def container(description: object, binary: bytes = BINARY) -> bytes:
@@ -32,6 +44,9 @@ def container(description: object, binary: bytes = BINARY) -> bytes:
         + struct.pack("<I4s", len(binary), b"BIN\0")
         + binary
     )
+
+
+CUBE = container(DESCRIPTION)
 
 
 def changed(change: Callable[[Any], object], binary: bytes = BINARY) -> bytes:

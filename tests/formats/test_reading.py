@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -16,6 +17,7 @@ import pytest
 from spherify.formats import MeshRefusedError, ReadLimits, read_mesh, reading, write_mesh
 from tests.formats.shapes import CUBE_FACES, cube, obj_bytes
 
+ROOT = Path(__file__).resolve().parents[2]
 SOME_REPORT = '{"code": null, "report": {}}'
 ANSWER = "import sys, json, pathlib; folder = pathlib.Path(json.load(sys.stdin)['folder']);"
 
@@ -144,6 +146,11 @@ def test_the_child_sees_no_secrets(
         read_mesh(cube_file, "cube.obj")
     assert "OPENBLAS_NUM_THREADS" in caplog.text
     assert "hunter2" not in caplog.text
+
+
+def test_reading_does_not_wait_for_what_only_writing_needs():
+    program = "import sys, spherify.formats.child; raise SystemExit('trimesh' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", program], cwd=ROOT, check=False).returncode == 0
 
 
 def test_many_threads_may_read_at_once(tmp_path: Path):

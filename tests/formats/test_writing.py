@@ -1,8 +1,12 @@
 from __future__ import annotations
 
+import hashlib
 import io
 import json
+import os
 import struct
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -11,12 +15,16 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkIOGeometry import vtkGLTFReader, vtkSTLReader
 
 from spherify.formats import FORMATS_OUT, InvalidExportError, read_mesh, write_mesh
 from spherify.formats.acceptance import read
+from spherify.formats.readers.stl import TRIANGLE
 from spherify.geometry.mesh import TriangleMesh
 from tests.formats.shapes import CUBE_FACES, LIMITS, cube, tube
 
+ROOT = Path(__file__).resolve().parents[2]
 EXACT = [("obj", False), ("off", False), ("ply", False), ("ply", True)]
 FORMS = [*EXACT, ("stl", False), ("stl", True), ("glb", False)]
 coordinates = st.floats(-1e100, 1e100, allow_subnormal=True)
@@ -66,6 +74,42 @@ def test_the_bytes_are_the_same_every_time(mesh_format: str, ascii_: bool):
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")  # trimesh's own
+def test_the_bytes_of_glb_do_not_hang_on_the_process():
+    """Trimesh looks its buffers up by hashes, which Python seeds anew for each process."""
+    program = (
+        "import hashlib; from spherify.formats import write_mesh; from tests.formats.shapes import cube;"
+        "print(hashlib.sha256(write_mesh(cube(), 'glb')).hexdigest(), end='')"
+    )
+    digests = {
+        subprocess.run(
+            [sys.executable, "-c", program],
+            cwd=ROOT, env=os.environ | {"PYTHONHASHSEED": seed}, check=True, capture_output=True, text=True,
+        ).stdout
+        for seed in ("1", "2")
+    }  # fmt: skip
+    assert digests == {hashlib.sha256(write_mesh(cube(), "glb")).hexdigest()}
+
+
+@pytest.mark.parametrize(("mesh_format", "ascii_"), [("stl", False), ("stl", True), ("glb", False)])
+def test_vtk_reads_the_same(mesh_format: str, ascii_: bool, tmp_path: Path):
+    """A second opinion, as trimesh writes GLB itself."""
+    mesh = TriangleMesh.checked(*tube(7, 9, torus=True))
+    path = tmp_path / f"torus.{mesh_format}"
+    path.write_bytes(write_mesh(mesh, mesh_format, ascii=ascii_))
+    reader = vtkGLTFReader() if mesh_format == "glb" else vtkSTLReader(merging=False)
+    reader.SetFileName(str(path))
+    reader.Update()
+    output = reader.GetOutput()
+    if mesh_format == "glb":
+        parts = output.NewIterator()
+        output = parts.GetCurrentDataObject()
+    points = vtk_to_numpy(output.GetPoints().GetData())
+    corners = vtk_to_numpy(output.GetPolys().GetConnectivityArray()).reshape(-1, 3)
+    assert np.array_equal(points[corners], mesh.vertices.astype(np.float32)[mesh.faces])
+    if mesh_format == "glb":
+        assert np.array_equal(corners, mesh.faces)
+
+
 @pytest.mark.parametrize(("mesh_format", "ascii_"), FORMS)
 def test_another_library_reads_the_same(mesh_format: str, ascii_: bool):
     mesh = TriangleMesh.checked(*tube(7, 9, torus=True))
@@ -104,13 +148,23 @@ def test_binary_stl_has_unit_normals_and_zero_where_there_is_no_area():
     assert not data.startswith(b"solid")
 
 
+@pytest.mark.parametrize("scale", [1e-9, 1e-6, 1, 1e6])
+def test_stl_has_unit_normals_whatever_the_unit_of_length(scale: float):
+    triangles = np.frombuffer(
+        write_mesh(TriangleMesh.checked(cube().vertices * scale, CUBE_FACES), "stl"), TRIANGLE, offset=84
+    )
+    assert np.array_equal(np.abs(triangles["normal"]).sum(axis=1), np.ones(12))
+
+
 def test_glb_states_the_bounds_of_what_it_holds():
     mesh = TriangleMesh.checked(*tube(7, 9, torus=True))
     data = write_mesh(mesh, "glb")
     magic, version, total, length, kind = struct.unpack_from("<4sIII4s", data)
     assert (magic, version, total, kind) == (b"glTF", 2, len(data), b"JSON")
     assert length % 4 == 0
-    positions = json.loads(data[20 : 20 + length])["accessors"][0]
+    description = json.loads(data[20 : 20 + length])
+    primitive = description["meshes"][0]["primitives"][0]
+    positions = description["accessors"][primitive["attributes"]["POSITION"]]
     stored = mesh.vertices.astype(np.float32)
     assert np.array_equal(np.float32(positions["min"]), stored.min(axis=0))
     assert np.array_equal(np.float32(positions["max"]), stored.max(axis=0))

@@ -1,69 +1,24 @@
-"""GLB 2.0: one mesh of one primitive, float32 positions and 32-bit indices.
-
-Layout after the glTF 2.0 specification, sections 3.6 and 4: a JSON chunk padded with blanks, a binary chunk padded with
-zeros, both to 4 bytes.
-"""
+"""GLB 2.0, through trimesh: one mesh of one primitive, float32 positions and 32-bit indices."""
 
 from __future__ import annotations
 
-import json
-import struct
 from typing import Any, Literal
 
-import numpy as np
-
 from spherify.geometry.mesh import TriangleMesh
-
-_FLOAT, _UNSIGNED_INT = 5126, 5125  # componentType
-_ARRAY, _ELEMENT_ARRAY = 34962, 34963  # bufferView.target
-_TRIANGLES = 4  # primitive.mode
 
 
 def glb(mesh: TriangleMesh, precision: Literal["double", "float"]) -> bytes:  # float32 always
     """Return GLB with the true bounds of the positions as they were rounded."""
-    positions = mesh.vertices.astype("<f4")
-    indices = mesh.faces.astype("<u4")
-    binary = positions.tobytes() + indices.tobytes()  # multiples of 4 bytes both
-    description = json.dumps(_description(positions, indices), separators=(",", ":")).encode("ascii")
-    description += b" " * (-len(description) % 4)
-    total = 12 + 8 + len(description) + 8 + len(binary)
-    return b"".join(
-        [
-            struct.pack("<4sII", b"glTF", 2, total),
-            struct.pack("<I4s", len(description), b"JSON"),
-            description,
-            struct.pack("<I4s", len(binary), b"BIN\0"),
-            binary,
-        ]
+    # Here, as importing it takes as long as reading a small mesh, and the process that reads never writes.
+    from trimesh import Trimesh  # noqa: PLC0415
+    from trimesh.exchange.gltf import export_glb  # noqa: PLC0415
+
+    unprocessed = Trimesh(mesh.vertices, mesh.faces, process=False)  # keeps the order of vertices and faces
+    exported: bytes = export_glb(  # type: ignore[no-untyped-call]  # trimesh leaves its exporters without types
+        unprocessed, include_normals=False, tree_postprocessor=_sign
     )
+    return exported
 
 
-def _description(positions: np.ndarray, indices: np.ndarray) -> dict[str, Any]:
-    return {
-        "asset": {"version": "2.0", "generator": "Spherify"},
-        "scene": 0,
-        "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0}],
-        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1, "mode": _TRIANGLES}]}],
-        "accessors": [
-            {
-                "bufferView": 0,
-                "componentType": _FLOAT,
-                "count": len(positions),
-                "type": "VEC3",
-                "min": positions.min(axis=0).astype(float).tolist(),
-                "max": positions.max(axis=0).astype(float).tolist(),
-            },
-            {"bufferView": 1, "componentType": _UNSIGNED_INT, "count": indices.size, "type": "SCALAR"},
-        ],
-        "bufferViews": [
-            {"buffer": 0, "byteOffset": 0, "byteLength": positions.nbytes, "target": _ARRAY},
-            {
-                "buffer": 0,
-                "byteOffset": positions.nbytes,
-                "byteLength": indices.nbytes,
-                "target": _ELEMENT_ARRAY,
-            },
-        ],
-        "buffers": [{"byteLength": positions.nbytes + indices.nbytes}],
-    }
+def _sign(tree: dict[str, Any]) -> None:
+    tree["asset"]["generator"] = "Spherify"

@@ -1,4 +1,7 @@
-"""PLY: binary little endian, or ASCII."""
+"""PLY: binary little endian, or ASCII.
+
+Ours: trimesh rounds positions to float32, and the default here is float64.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The text formats: OBJ and OFF."""
+"""The text formats: OBJ and OFF.
+
+Ours: trimesh writes a fixed number of decimals, which does not read back as the same float64, in twice the time.
+"""
 
 from __future__ import annotations
 
