@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from spherify.geometry.schedule import SnapshotPlan
 from spherify.jobs import layout
-from spherify.jobs.errors import DamagedBlobError
+from spherify.jobs.errors import BlobNotFoundError, DamagedBlobError
 from spherify.jobs.model import Snapshot
 from spherify.jobs.ports import BlobStat, BlobStore
 from spherify.jobs.rows import BEST, ROWS, Row, rows_to_list
@@ -95,9 +95,9 @@ def _newest_first(stats: list[BlobStat]) -> list[BlobStat]:
 
 
 def _load(blobs: BlobStore, stat: BlobStat) -> tuple[bytes, dict[str, NDArray[Any]]] | None:
-    content = blobs.read(stat.key)
     try:
+        content = blobs.read(stat.key)
         return content, load_arrays(content)
-    except DamagedBlobError as e:
+    except (DamagedBlobError, BlobNotFoundError) as e:  # an earlier attempt's runner may live yet, and sweep
         sys.stderr.write(f"{stat.key} is passed over: {e}\n")
         return None

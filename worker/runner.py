@@ -54,12 +54,12 @@ class PipeSink:
         self.send("snapshot", snapshot=asdict(record))
 
     def checkpoint(self, kept: Kept) -> None:
-        """Write the file, then remove the older ones."""
+        """Write the file, then remove the older ones; those of a later attempt are not ours."""
         folder = layout.checkpoints(self.order.job_id)
         key = layout.numbered(folder, self.order.token, kept.iteration)
         self.blobs.create(key, dump_arrays(kept.arrays))
         for older in list(self.blobs.list(folder)):
-            if older.key != key:
+            if older.key < key:
                 self.blobs.delete(older.key)
 
     def report(self, progress: Progress, rows: Sequence[Row]) -> None:

@@ -52,9 +52,11 @@ class FolderBlobStore:
         with _full(key):
             _sync(path)
             self._link(path, target, key)
-            _sync(target.parent)
-        path.unlink(missing_ok=True)
-        return _stat(key, target)
+            with suppress(FileNotFoundError):  # deleted already, and the folder with it
+                _sync(target.parent)
+        stat = _stat(key, path)
+        path.unlink()
+        return stat
 
     def scratch(self) -> Path:
         """Return the folder for unfinished files, on the same file system; swept when they are old."""

@@ -13,21 +13,21 @@ from typing import Any, Final
 
 import redis
 from redis.backoff import NoBackoff
+from redis.exceptions import ClusterDownError, MasterDownError, TryAgainError
 from redis.retry import Retry
 
 from spherify.jobs.errors import StoreUnavailableError
 
-# Refusals that pass: no memory, no disk, a replica or a server that is starting.
+# Refusals that pass: no memory, a replica, a server without its primary.
 _PASSING: Final = (
-    "OOM",
-    "MISCONF",
-    "READONLY",
-    "LOADING",
-    "MASTERDOWN",
-    "NOREPLICAS",
-    "TRYAGAIN",
-    "CLUSTERDOWN",
+    redis.OutOfMemoryError,
+    redis.ReadOnlyError,
+    MasterDownError,
+    ClusterDownError,
+    TryAgainError,
 )
+# The same, of which the client knows no class: no disk, no replica, a script that runs on.
+_PASSING_WORDS: Final = ("MISCONF", "NOREPLICAS", "BUSY")
 
 
 def connect(url: str, *, timeout_s: float = 0.5) -> redis.Redis:
@@ -57,7 +57,7 @@ def reachable() -> Iterator[None]:
     except (redis.ConnectionError, redis.TimeoutError, OSError) as e:
         raise StoreUnavailableError(f"the job store does not answer: {e}") from e
     except redis.ResponseError as e:
-        if any(word in str(e) for word in _PASSING):
+        if isinstance(e, _PASSING) or str(e).startswith(_PASSING_WORDS):
             raise StoreUnavailableError(f"the job store refuses: {e}") from e
         raise
 

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,9 @@ from spherify.stores.arrays import dump_arrays
 from spherify.stores.blobs import FolderBlobStore
 from tests.jobs.examples import stone
 from tests.jobs.test_run import Recorder, stop_at
+from worker.orders import Order
 from worker.resume import find_resumption
+from worker.runner import PipeSink
 
 PLAN = SnapshotPlan((0, 10, 20, 30))
 JOB = "job_a"
@@ -72,6 +75,27 @@ def test_a_damaged_checkpoint_is_passed_over(blobs: FolderBlobStore, how: str) -
 def test_a_damaged_snapshot_is_computed_again(blobs: FolderBlobStore, how: str) -> None:
     damage(blobs, layout.numbered(layout.snapshots(JOB), 1, 10), how)
     assert iterations(blobs) == (0, [0])
+
+
+def test_a_checkpoint_swept_by_a_runner_that_still_lives_is_passed_over(blobs: FolderBlobStore) -> None:
+    class Swept(FolderBlobStore):
+        def read(self, key: str) -> bytes:
+            if key.startswith(layout.checkpoints(JOB)):
+                self.delete(key)
+            return super().read(key)
+
+    assert iterations(Swept(blobs.root)) == (20, [0, 10, 20])
+
+
+def test_a_checkpoint_replaces_the_earlier_ones_but_not_those_of_a_later_attempt(
+    blobs: FolderBlobStore,
+) -> None:
+    folder = layout.checkpoints(JOB)
+    later = layout.numbered(folder, 3, 12)
+    blobs.create(later, b"")
+    order = Order(JOB, 2, str(blobs.root), memory_bytes=1, deadline_s=1, checkpoint_s=1)
+    PipeSink(blobs, order, io.BytesIO()).checkpoint(Kept(22, {"vertices": stone().vertices}, {}))
+    assert [stat.key for stat in blobs.list(folder)] == [layout.numbered(folder, 2, 22), later]
 
 
 def test_another_attempts_copy_stands_in_for_a_damaged_one(blobs: FolderBlobStore) -> None:
