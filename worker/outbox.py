@@ -61,6 +61,16 @@ class Outbox:
         return tuple(self._snapshots[i] for i in sorted(self._snapshots))
 
     @property
+    def latest(self) -> int | None:
+        """Iteration of the last snapshot."""
+        return max(self._snapshots, default=None)
+
+    @property
+    def best(self) -> int | None:
+        """Iteration of the snapshot of the highest sphericity."""
+        return max(self._snapshots, key=lambda i: self._snapshots[i].metrics["sphericity"], default=None)
+
+    @property
     def rows(self) -> tuple[Row, ...]:
         """All of this attempt, ascending."""
         return tuple(self._rows[i] for i in sorted(self._rows))

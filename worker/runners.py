@@ -91,9 +91,8 @@ class Runner:
             self._pending = number
 
     def kill(self) -> None:
-        """End it at once and wait; harmless when it has ended."""
+        """End it at once, without waiting: `events` tells when it has ended. Harmless when it has."""
         self._process.kill()
-        self.wait()
 
     def wait(self, timeout_s: float | None = None) -> int:
         """Wait for its end, close the pipes, and return its exit code, negative for a signal.
@@ -131,7 +130,7 @@ class Runners:
         if runner is not None and runner.alive:
             return runner
         if runner is not None:
-            runner.kill()
+            runner.wait()
         return Runner(self._threads)
 
     def close(self) -> None:
@@ -142,4 +141,5 @@ class Runners:
     def _discard(self) -> None:
         if self._spare is not None:
             self._spare.kill()
+            self._spare.wait()
             self._spare = None

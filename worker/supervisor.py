@@ -12,16 +12,15 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from enum import Enum
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
-from spherify.jobs import layout
 from spherify.jobs.codec import load_outcome, load_progress
-from spherify.jobs.delete import remove_folder
-from spherify.jobs.errors import StorageFullError, StoreUnavailableError
+from spherify.jobs.errors import JobsError, StorageFullError, StoreUnavailableError
 from spherify.jobs.model import JobError, JobStatus, Outcome, Progress
 from spherify.jobs.outcome import DEADLINE_ADVICE
 from spherify.jobs.ports import BlobStore, ClaimOutcome, JobQueue, JobStore, Renewal
 from spherify.jobs.results import Result, publish_result, read_result, write_result
+from spherify.jobs.settle import settle
 from spherify.settings import Settings
 from worker.orders import CANCEL_SIGNAL, HAND_ON_SIGNAL, Order
 from worker.outbox import Outbox
@@ -33,6 +32,7 @@ FENCE_SHARE: Final = (
 )
 COMMIT_S: Final = 15.0  # how long the end of a job is offered to a server that does not answer
 _TICK_S: Final = 0.25
+T = TypeVar("T")
 log = logging.getLogger(__name__)
 
 
@@ -82,16 +82,8 @@ class Supervisor:
         claim = self.jobs.claim(job_id, worker)
         if claim.outcome is not ClaimOutcome.CLAIMED:
             _say(logging.INFO, job_id, "drop", f"dropped: {claim.outcome}")
-            if claim.outcome is ClaimOutcome.POISONED:
-                self._write_poisoned(job_id)
             return
         _Attempt(self, job_id, claim.token, keep_delivery).go()
-
-    def _write_poisoned(self, job_id: str) -> None:
-        job = self.jobs.get(job_id)
-        outcome = Outcome(job.status, error=job.error, best_iteration=job.best_iteration)
-        rows = self.jobs.metrics(job_id)
-        write_result(self.blobs, Result(job_id, job.token, outcome, job.progress, job.snapshots, rows))
 
 
 class _Attempt:
@@ -111,6 +103,7 @@ class _Attempt:
         self._beat_at = now
         self._told: Verdict | None = None
         self._told_at = now
+        self._killed = False
         self._last: dict[str, Any] | None = None
 
     def go(self) -> None:
@@ -197,10 +190,11 @@ class _Attempt:
         overdue = now - self._began > self._settings.wall_limit_s + grace  # it looks at its limit itself
         deaf = self._told is not None and now - self._told_at > grace
         if overdue or deaf:
-            self._say(logging.WARNING, "kill", f"the runner did not stop within {grace:g} s")
+            if not self._killed:
+                self._say(logging.WARNING, "kill", f"the runner did not stop within {grace:g} s")
             self._told = self._told or Verdict.OVERDUE
-            runner.kill()
-            runner.ended = True
+            self._killed = True
+            runner.kill()  # its last words are still in the pipe, and then its end
         elif self._told is not None and self._told_at == now:
             runner.tell(HAND_ON_SIGNAL if self._told is Verdict.STOPPED else CANCEL_SIGNAL)
 
@@ -218,6 +212,7 @@ class _Attempt:
     def _conclude(self, verdict: Verdict, exit_code: int) -> None:
         if verdict is Verdict.FENCED:
             self._say(logging.WARNING, "fenced", "the job is not ours any more: the runner was killed")
+            self._hand_on()  # if it is, because nobody could take it: the server was away for all
         elif verdict is Verdict.STOPPED:
             self._hand_on()
         elif verdict is Verdict.DIED:
@@ -231,28 +226,35 @@ class _Attempt:
         if told is not None and told["event"] == "end":
             self._outbox.add_rows(told["rows"])
             outcome = load_outcome(told["outcome"])
-            if self._told is Verdict.CANCELLED:  # it may have ended by itself in the same moment
-                outcome = replace(outcome, status=JobStatus.CANCELLED, stop_reason="cancelled", error=None)
             return outcome, load_progress(told["progress"])
         if told is not None:
             error = JobError(told["code"], told["detail"])
-            return Outcome(JobStatus.FAILED, error=error), None
+            return Outcome(JobStatus.FAILED, best_iteration=self._outbox.best, error=error), None
         if verdict is Verdict.OVERDUE:
             limit = self._settings.wall_limit_s
             error = JobError(
                 "deadline", f"{limit:g} s were over, and the runner was stopped; {DEADLINE_ADVICE}"
             )
-            return Outcome(JobStatus.FAILED, stop_reason="deadline", error=error), None
-        return Outcome(JobStatus.CANCELLED, stop_reason="cancelled"), None
+            last, best = self._outbox.latest, self._outbox.best
+            return Outcome(JobStatus.FAILED, "deadline", None, last, best, error), None
+        return Outcome(JobStatus.CANCELLED, best_iteration=self._outbox.best), None
 
     def _commit_new(self, outcome: Outcome, progress: Progress | None) -> None:
         """Make the end durable, then tell the record."""
+        sealed = self._insist(lambda: self._jobs.seal(self._job_id, self._token))
+        if sealed is None or sealed is Renewal.FENCED:
+            self._say(logging.WARNING, "fenced", "it ended, but the job is not ours any more")
+            return
+        if sealed is Renewal.CANCEL:
+            outcome = Outcome(
+                JobStatus.CANCELLED, stop_reason="cancelled", best_iteration=outcome.best_iteration
+            )
         mine = Result(self._job_id, self._token, outcome, progress, self._outbox.snapshots, self._outbox.rows)
         try:
             result = write_result(self._boss.blobs, mine)
         except StorageFullError as e:  # the record alone must say it
             error = JobError("storage-full", f"{e}: delete jobs that are no longer needed")
-            outcome = Outcome(JobStatus.FAILED, outcome.stop_reason, outcome.stop_detail, error=error)
+            outcome = replace(outcome, status=JobStatus.FAILED, error=error)
         else:
             if result is not mine:
                 self._adopt(result)
@@ -268,9 +270,12 @@ class _Attempt:
             self._committed(result.outcome)
 
     def _committed(self, outcome: Outcome) -> None:
-        remove_folder(self._boss.blobs, layout.checkpoints(self._job_id))
         why = outcome.stop_reason or (outcome.error.code if outcome.error is not None else "")
         self._say(logging.INFO, "commit", f"{outcome.status}: {why}")
+        try:
+            settle(self._jobs, self._boss.blobs, self._job_id)
+        except JobsError as e:
+            self._say(logging.WARNING, "settle", f"not settled, the reconciler will: {e}")
 
     def _hand_on(self) -> None:
         if self._insist(lambda: self._jobs.release(self._job_id, self._token)):
@@ -288,8 +293,8 @@ class _Attempt:
         except StoreUnavailableError:
             self._say(logging.WARNING, "send", "not sent: the reconciler will")
 
-    def _insist(self, write: Callable[[], bool]) -> bool:
-        """Write to the record, for a while even if the server does not answer; whether it was accepted."""
+    def _insist(self, write: Callable[[], T]) -> T | None:
+        """Write to the record, for a while even if the server does not answer; None if it never did."""
         till = time.monotonic() + COMMIT_S
         while True:
             try:
@@ -298,7 +303,7 @@ class _Attempt:
             except StoreUnavailableError as e:
                 if time.monotonic() > till:
                     self._say(logging.ERROR, "give-up", f"the job store does not answer: {e}")
-                    return False
+                    return None
                 time.sleep(_TICK_S)
 
     def _say(self, level: int, action: str, sentence: str) -> None:

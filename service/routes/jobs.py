@@ -23,7 +23,7 @@ from service.snapshots import retry_after_s
 from service.uploads import small_body
 from spherify.jobs.cancel import cancel
 from spherify.jobs.delete import delete_job
-from spherify.jobs.errors import MeshNotFoundError
+from spherify.jobs.errors import MeshNotFoundError, StoreUnavailableError
 from spherify.jobs.model import Job, JobStatus, MeshRecord
 from spherify.jobs.ports import CancelOutcome
 from spherify.jobs.submit import submit
@@ -53,9 +53,9 @@ def _submit_known(services: Services, job: JobRequest, pointer: str) -> Job:
     planned = plan(job, services.settings)
     try:
         mesh = services.stores.meshes.get(job.mesh_id)
+        return _submit(services, planned, mesh)  # which finds out if it was deleted meanwhile
     except MeshNotFoundError as e:
         raise invalid(pointer, "unknown", str(e)) from e
-    return _submit(services, planned, mesh)
 
 
 @router.post(
@@ -106,7 +106,10 @@ async def _from_form(request: Request, services: Services) -> Job:
         planned = plan(parse_form(form.fields, NO_MESH), services.settings)
         allow = parse_allow(form.fields.get("allow", ()), "form/allow")
         mesh, _ = await services.intake.accept(form.file, allow)
-        return await to_thread.run_sync(_submit, services, planned, mesh, form.file.name)
+        try:
+            return await to_thread.run_sync(_submit, services, planned, mesh, form.file.name)
+        except MeshNotFoundError as e:
+            raise StoreUnavailableError("this mesh was deleted at the same moment: send it again") from e
 
 
 @router.get(
@@ -188,7 +191,10 @@ def cancel_job(request: Request, context: Context, job_id: JobId) -> Response:
     log.info("cancel asked: %s", outcome, extra={"action": "cancel", "job_id": job_id})
     if outcome is CancelOutcome.FINISHED:
         raise ProblemError(
-            "job-already-finished", f"{job_id} ended as {job.status} before it could be cancelled"
+            "job-already-finished",
+            f"{job_id} ended as {job.status} before it could be cancelled"
+            if job.status.done
+            else f"{job_id} is just ending: it is too late to cancel it",
         )
     return _answer(
         request, job, HTTPStatus.ACCEPTED if outcome is CancelOutcome.CANCELLING else HTTPStatus.OK

@@ -5,9 +5,8 @@ from __future__ import annotations
 import logging
 
 from spherify.jobs.errors import StorageFullError
-from spherify.jobs.model import JobStatus, Outcome
 from spherify.jobs.ports import BlobStore, CancelOutcome, JobStore
-from spherify.jobs.results import Result, write_result
+from spherify.jobs.settle import settle
 
 log = logging.getLogger(__name__)
 
@@ -21,7 +20,10 @@ def cancel(jobs: JobStore, blobs: BlobStore, job_id: str) -> CancelOutcome:
     outcome = jobs.request_cancel(job_id)
     if outcome is CancelOutcome.CANCELLED:
         try:
-            write_result(blobs, Result(job_id, 0, Outcome(JobStatus.CANCELLED, stop_reason="cancelled")))
-        except StorageFullError:  # the record says it too
-            log.warning("cancelled, without a file", extra={"job_id": job_id, "action": "cancel"})
+            settle(jobs, blobs, job_id)
+        except StorageFullError:
+            log.warning(
+                "cancelled, but not written: the reconciler will",
+                extra={"job_id": job_id, "action": "cancel"},
+            )
     return outcome

@@ -92,7 +92,7 @@ class CancelOutcome(StrEnum):
 
     CANCELLED = "cancelled"  # it was waiting, or is cancelled already
     CANCELLING = "cancelling"  # a worker has been told
-    FINISHED = "finished"  # too late
+    FINISHED = "finished"  # too late: it has ended, or its end is just being written
     UNKNOWN = "unknown"
 
 
@@ -108,7 +108,7 @@ class JobStore(Protocol):
     """The live record of every job; every change of several keys is one script or transaction."""
 
     def add(self, spec: JobSpec) -> Job:
-        """Record a new accepted job and queue it, in one transaction; adding it again changes nothing."""
+        """Record and queue a new job, in one transaction; again changes nothing. Raises `MeshNotFoundError`."""
         ...
 
     def get(self, job_id: str) -> Job:
@@ -172,6 +172,10 @@ class JobStore(Protocol):
         """Give a job up whose runner died, counting a loss; whether it is to be sent again."""
         ...
 
+    def seal(self, job_id: str, token: int) -> Renewal:
+        """Learn a last time whether to end as cancelled; from then on a cancel comes too late."""
+        ...
+
     def commit(self, job_id: str, token: int, outcome: Outcome) -> bool:
         """End a job, once; repeating the same commit is True and changes nothing."""
         ...
@@ -184,6 +188,14 @@ class JobStore(Protocol):
 
     def waiting(self, older_than_s: float) -> list[str]:
         """Return accepted jobs queued for longer than that, oldest first."""
+        ...
+
+    def unsettled(self) -> list[str]:
+        """Return ended and deleted jobs whose files are not in their last state yet, see `settle`."""
+        ...
+
+    def settled(self, job_id: str, *, deleted: bool) -> bool:
+        """Take a job off `unsettled`, as a deleted or an ended one; False if it is not that any more."""
         ...
 
     def counts(self) -> dict[JobStatus, int]:

@@ -1,6 +1,6 @@
 """Find again what was lost: dead leases, messages that vanished, files nobody finished.
 
-Runs in every worker and API process, of which one at a time leads. It needs the records and the queue only, not
+Runs in every worker, of which one at a time leads. It needs the records and the queue only, not
 a working consumer.
 """
 
@@ -13,7 +13,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from spherify.jobs.errors import StorageFullError
 from spherify.jobs.ports import BlobStore, JobQueue, JobStore
+from spherify.jobs.settle import settle
 
 SCRATCH_S: Final = 24 * 3600.0  # longer than any upload
 _SWEEP_S: Final = 600.0
@@ -22,10 +24,19 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True)
 class Scan:
-    """What one scan did: ids sent again because their lease ran out or no queue held them, files removed."""
+    """What one scan did.
+
+    Attributes:
+        lost: sent again because their lease ran out.
+        orphans: sent again because no queue held them.
+        settled: ended or deleted by somebody who did not bring their files to their last state.
+        swept: how many unfinished files were removed.
+
+    """
 
     lost: tuple[str, ...]
     orphans: tuple[str, ...]
+    settled: tuple[str, ...]
     swept: int
 
 
@@ -57,7 +68,20 @@ class Reconciler:
             )
             self._queue.send(job_id)
         self._missing = missing - frozenset(orphans)
-        return Scan(tuple(lost), orphans, self._sweep())
+        return Scan(tuple(lost), orphans, self._settle(), self._sweep())
+
+    def _settle(self) -> tuple[str, ...]:
+        settled = []
+        for job_id in self._jobs.unsettled():
+            extra = {"job_id": job_id, "action": "reconcile-settle"}
+            try:
+                settle(self._jobs, self._blobs, job_id)
+            except StorageFullError as e:
+                log.warning("not settled: %s", e, extra=extra)
+                break
+            log.info("ended or deleted: its files are settled", extra=extra)
+            settled.append(job_id)
+        return tuple(settled)
 
     def _sweep(self) -> int:
         now = time.monotonic()

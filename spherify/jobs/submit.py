@@ -6,7 +6,7 @@ import logging
 
 from spherify.jobs import layout
 from spherify.jobs.codec import dump_record
-from spherify.jobs.errors import BlobExistsError, StoreUnavailableError
+from spherify.jobs.errors import BlobExistsError, MeshNotFoundError, StoreUnavailableError
 from spherify.jobs.model import Job, JobSpec
 from spherify.jobs.ports import BlobStore, JobQueue, JobStore
 
@@ -20,6 +20,7 @@ def submit(jobs: JobStore, blobs: BlobStore, queue: JobQueue, spec: JobSpec) -> 
 
     Raises:
         StorageFullError: nothing was recorded.
+        MeshNotFoundError: its mesh is not there, or no longer; nothing was recorded.
         StoreUnavailableError: the record was, perhaps, not written; submit the same spec again.
 
     """
@@ -27,7 +28,11 @@ def submit(jobs: JobStore, blobs: BlobStore, queue: JobQueue, spec: JobSpec) -> 
         blobs.create(layout.spec(spec.id), dump_record(spec).encode())
     except BlobExistsError:
         log.info("spec is written already", extra={"job_id": spec.id, "action": "submit"})
-    job = jobs.add(spec)
+    try:
+        job = jobs.add(spec)
+    except MeshNotFoundError:
+        blobs.delete(layout.spec(spec.id))
+        raise
     try:
         queue.send(spec.id)
     except StoreUnavailableError:

@@ -20,6 +20,9 @@ QUEUED: Final = PREFIX + "jobs:queued"
 LEASES: Final = PREFIX + "jobs:leases"
 """Sorted set: id → milliseconds at which the lease ends. One entry a running or cancelling job."""
 
+UNSETTLED: Final = PREFIX + "jobs:unsettled"
+"""Sorted set: ids of ended or deleted jobs whose files are not in their last state, score 0. Empty after a scan."""
+
 BY_STATUS: Final = PREFIX + "jobs:status:"
 """+ status: sorted set of ids, score 0. Six keys, one entry a job altogether."""
 

@@ -39,6 +39,7 @@ class _Entry:
     queued_at: float
     rows: dict[float, dict[str, float | int]] = field(default_factory=dict)
     committed: tuple[int, Outcome] | None = None
+    sealed: bool = False
 
 
 class MemoryJobStore:
@@ -49,15 +50,19 @@ class MemoryJobStore:
     ) -> None:
         self._entries: dict[str, _Entry] = {}
         self._gone: set[str] = set()
+        self._unsettled: set[str] = set()
+        self.meshes: dict[str, MeshRecord] = {}
         self._lock = threading.RLock()
         self._lease_s = lease_s
         self._max_losses = max_losses
         self._clock = clock
 
     def add(self, spec: JobSpec) -> Job:
-        """Record a new accepted job and queue it; adding it again changes nothing."""
+        """Record and queue a new job; again changes nothing. Raises `MeshNotFoundError`."""
         with self._lock:
             if spec.id not in self._entries and spec.id not in self._gone:
+                if spec.mesh_id not in self.meshes:
+                    raise MeshNotFoundError(f"there is no mesh {spec.mesh_id}")
                 self._entries[spec.id] = _Entry(Job(spec), self._clock())
             return self.get(spec.id)
 
@@ -115,6 +120,7 @@ class MemoryJobStore:
                 raise JobNotFinishedError(f"{job_id} is not finished: cancel it first")
             del self._entries[job_id]
             self._gone.add(job_id)
+            self._unsettled.add(job_id)
 
     def request_cancel(self, job_id: str) -> CancelOutcome:
         """Cancel a waiting job at once, or flag a running one."""
@@ -124,7 +130,7 @@ class MemoryJobStore:
                 return CancelOutcome.UNKNOWN
             if entry.job.status is JobStatus.ACCEPTED:
                 self._move(entry, JobStatus.CANCELLED, stop_reason="cancelled")
-            elif entry.job.status is JobStatus.RUNNING:
+            elif entry.job.status is JobStatus.RUNNING and not entry.sealed:
                 self._move(entry, JobStatus.CANCELLING)
             return {
                 JobStatus.CANCELLED: CancelOutcome.CANCELLED,
@@ -210,6 +216,17 @@ class MemoryJobStore:
             entry = self._held(job_id, token)
             return entry is not None and self._lose(entry) is JobStatus.ACCEPTED
 
+    def seal(self, job_id: str, token: int) -> Renewal:
+        """Learn a last time whether to end as cancelled; from then on a cancel comes too late."""
+        with self._lock:
+            entry = self._held(job_id, token)
+            if entry is None:
+                return Renewal.FENCED
+            if entry.job.status is JobStatus.CANCELLING:
+                return Renewal.CANCEL
+            entry.sealed = True
+            return Renewal.HELD
+
     def commit(self, job_id: str, token: int, outcome: Outcome) -> bool:
         """End a job, once; repeating the same commit is True and changes nothing."""
         with self._lock:
@@ -227,7 +244,7 @@ class MemoryJobStore:
                 stop_reason="cancelled" if cancelled else outcome.stop_reason,
                 stop_detail=None if cancelled else outcome.stop_detail,
                 error=None if cancelled else outcome.error,
-                result_iteration=outcome.result_iteration,
+                result_iteration=None if cancelled else outcome.result_iteration,
                 best_iteration=outcome.best_iteration,
             )
             return True
@@ -253,6 +270,19 @@ class MemoryJobStore:
                 if e.job.status is JobStatus.ACCEPTED and e.queued_at <= till
             ]
             return [job_id for _, job_id in sorted(old)]
+
+    def unsettled(self) -> list[str]:
+        """Return ended and deleted jobs whose files are not in their last state yet."""
+        with self._lock:
+            return sorted(self._unsettled)
+
+    def settled(self, job_id: str, *, deleted: bool) -> bool:
+        """Take a job off `unsettled`, as a deleted or an ended one; False if it is not that any more."""
+        with self._lock:
+            if deleted is (job_id in self._entries):
+                return False
+            self._unsettled.discard(job_id)
+            return True
 
     def counts(self) -> dict[JobStatus, int]:
         """Return how many jobs are in each state."""
@@ -287,16 +317,18 @@ class MemoryJobStore:
             raise AssertionError(f"{entry.job.status} → {to} is no legal move")
         if to.done:
             changes["finished_at"] = self._clock()
+            self._unsettled.add(entry.job.id)
         if to not in _AT_WORK:
             changes.update(lease_until=None, worker=None)
+            entry.sealed = False
         entry.job = replace(entry.job, status=to, rev=entry.job.rev + 1, **changes)  # type: ignore[arg-type] # fields of Job, checked by replace
 
 
 class MemoryMeshStore:
-    """Mesh records in a dictionary; asks the jobs which meshes are in use."""
+    """Mesh records in a dictionary that the jobs know too; asks the jobs which meshes are in use."""
 
     def __init__(self, jobs: MemoryJobStore) -> None:
-        self._records: dict[str, MeshRecord] = {}
+        self._records = jobs.meshes
         self._jobs = jobs
 
     def add(self, record: MeshRecord) -> bool:

@@ -2,7 +2,8 @@
 
 Fields: spec, progress, metrics, error (JSON); status, worker, stop_reason, stop_detail (text); rev, token,
 attempt, losses, best_iteration, result_iteration (integers); queued_at, lease_until (milliseconds of the
-server's clock); started_at, finished_at (seconds); committed (the outcome, for a commit that is repeated).
+server's clock); started_at, finished_at (seconds); sealed (1 once a cancel comes too late);
+committed (the outcome, for a commit that is repeated).
 """
 
 from __future__ import annotations

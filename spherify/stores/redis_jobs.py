@@ -9,7 +9,13 @@ from typing import Any, Final
 import redis
 
 from spherify.jobs.codec import dump_record, dumps
-from spherify.jobs.errors import InvalidCursorError, JobGoneError, JobNotFinishedError, JobNotFoundError
+from spherify.jobs.errors import (
+    InvalidCursorError,
+    JobGoneError,
+    JobNotFinishedError,
+    JobNotFoundError,
+    MeshNotFoundError,
+)
 from spherify.jobs.ids import earliest_job_id, is_job_id
 from spherify.jobs.model import Job, JobSpec, JobStatus, Outcome, Progress, Snapshot
 from spherify.jobs.ports import CancelOutcome, Claim, ClaimOutcome, Page, Renewal
@@ -32,8 +38,10 @@ class RedisJobStore:
         self._max_losses = max_losses
 
     def add(self, spec: JobSpec) -> Job:
-        """Record a new accepted job and queue it, in one transaction; adding it again changes nothing."""
-        self._run("add", spec.id, [dump_record(spec), *_indexes(spec)], more_keys=[keys.gone(spec.id)])
+        """Record and queue a new job, in one transaction; again changes nothing. Raises `MeshNotFoundError`."""
+        more_keys = [keys.gone(spec.id), keys.mesh(spec.mesh_id)]
+        if self._run("add", spec.id, [dump_record(spec), *_indexes(spec)], more_keys=more_keys) == "no-mesh":
+            raise MeshNotFoundError(f"there is no mesh {spec.mesh_id}")
         return self.get(spec.id)
 
     def get(self, job_id: str) -> Job:
@@ -141,6 +149,10 @@ class RedisJobStore:
         """Give a job up whose runner died, counting a loss; whether it is to be sent again."""
         return bool(self._run("lose", job_id, [token, self._max_losses]) == JobStatus.ACCEPTED)
 
+    def seal(self, job_id: str, token: int) -> Renewal:
+        """Learn a last time whether to end as cancelled; from then on a cancel comes too late."""
+        return Renewal(self._run("seal", job_id, [token]))
+
     def commit(self, job_id: str, token: int, outcome: Outcome) -> bool:
         """End a job, once; repeating the same commit is True and changes nothing."""
         args = [token, outcome.status, dump_record(outcome), *fields_of(outcome)]
@@ -166,6 +178,15 @@ class RedisJobStore:
         with reachable():
             return self._client.zrangebyscore(keys.QUEUED, "-inf", till)  # type: ignore[return-value] # client is not async
 
+    def unsettled(self) -> list[str]:
+        """Return ended and deleted jobs whose files are not in their last state yet."""
+        with reachable():
+            return self._client.zrange(keys.UNSETTLED, 0, -1)  # type: ignore[return-value] # client is not async
+
+    def settled(self, job_id: str, *, deleted: bool) -> bool:
+        """Take a job off `unsettled`, as a deleted or an ended one; False if it is not that any more."""
+        return bool(self._run("settled", job_id, ["deleted" if deleted else "ended"]))
+
     def counts(self) -> dict[JobStatus, int]:
         """Return how many jobs are in each state."""
         with reachable(), self._client.pipeline(transaction=True) as pipe:
@@ -183,7 +204,7 @@ class RedisJobStore:
             return self._client.time()
 
     def _run(self, name: str, job_id: str, args: list[Any], *, more_keys: Sequence[str] = ()) -> Any:  # noqa: ANN401
-        record = [keys.job(job_id), keys.QUEUED, keys.LEASES, keys.BY_STATUS]
+        record = [keys.job(job_id), keys.QUEUED, keys.LEASES, keys.UNSETTLED, keys.BY_STATUS]
         return self._scripts(name, [*record, *more_keys], [job_id, *args])
 
     def _walk(self, index: str, since: str, before: str) -> Iterator[Job]:

@@ -10,11 +10,12 @@ from spherify.geometry.schedule import SnapshotPlan
 from spherify.jobs import layout
 from spherify.jobs.ids import job_id_at, new_job_id
 from spherify.jobs.model import JobSpec, MeshRecord
-from spherify.jobs.ports import BlobStore
+from spherify.jobs.ports import BlobStore, MeshStore
 from spherify.parameters import resolve
 from spherify.stores.arrays import dump_arrays
 
 MESH_ID = "mesh_0123456789abcdefghjkmnpqrs"
+OTHER_MESH = "mesh_" + "1" * 26
 ENDLESS = {"iterations": 1_000_000, "annealing": None, "stop_radius_variation": 0}
 """Changes of the preset robust after which only a cancel ends it."""
 
@@ -25,10 +26,11 @@ def stone(vertices: int = 60) -> TriangleMesh:
     return SAMPLES["stone"].build(vertices)
 
 
-def store_mesh(blobs: BlobStore, mesh: TriangleMesh, mesh_id: str = MESH_ID) -> None:
-    """Put a mesh where runners look for it."""
+def store_mesh(meshes: MeshStore, blobs: BlobStore, mesh: TriangleMesh, mesh_id: str = MESH_ID) -> None:
+    """Put a mesh where runners look for it, and record it."""
     arrays = {"vertices": mesh.vertices, "faces": mesh.faces}
     blobs.create(layout.mesh_arrays(mesh_id), dump_arrays(arrays))
+    meshes.add(mesh_record(mesh_id))
 
 
 def job_spec(

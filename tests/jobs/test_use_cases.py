@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,12 +14,20 @@ from spherify.jobs import layout
 from spherify.jobs.cancel import cancel
 from spherify.jobs.codec import load_spec
 from spherify.jobs.delete import delete_job, delete_mesh
-from spherify.jobs.errors import BlobNotFoundError, JobGoneError, MeshNotFoundError, StoreUnavailableError
+from spherify.jobs.errors import (
+    BlobNotFoundError,
+    JobGoneError,
+    JobNotFoundError,
+    MeshNotFoundError,
+    StorageFullError,
+    StoreUnavailableError,
+)
 from spherify.jobs.ids import earliest_job_id, is_job_id, job_id_at, new_job_id
 from spherify.jobs.model import JobError, JobStatus, Outcome, Progress, Snapshot
-from spherify.jobs.ports import CancelOutcome
+from spherify.jobs.ports import BlobStat, CancelOutcome
 from spherify.jobs.reconcile import Reconciler, sweep_scratch
 from spherify.jobs.results import Result, publish_result, read_result, write_result
+from spherify.jobs.settle import settle
 from spherify.jobs.submit import submit
 from spherify.stores.memory import MemoryJobQueue, MemoryJobStore, MemoryMeshStore
 from spherify.stores.memory_blobs import MemoryBlobStore
@@ -38,7 +47,9 @@ class World:
 def world(tmp_path: Path) -> World:
     now = [1000.0]
     jobs = MemoryJobStore(lease_s=30, max_losses=1, clock=lambda: now[0])
-    return World(jobs, MemoryMeshStore(jobs), MemoryBlobStore(tmp_path), MemoryJobQueue(), now)
+    meshes = MemoryMeshStore(jobs)
+    meshes.add(mesh_record())
+    return World(jobs, meshes, MemoryBlobStore(tmp_path), MemoryJobQueue(), now)
 
 
 class BrokenQueue(MemoryJobQueue):
@@ -59,6 +70,17 @@ def test_a_message_that_cannot_be_sent_is_no_error(world: World) -> None:
     spec = job_spec()
     assert submit(world.jobs, world.blobs, BrokenQueue(), spec).status is JobStatus.ACCEPTED
     assert world.jobs.waiting(0) == [spec.id]
+
+
+def test_a_job_on_a_mesh_that_is_gone_leaves_no_trace(world: World) -> None:
+    world.meshes.delete(mesh_record().id)
+    spec = job_spec()
+    with pytest.raises(MeshNotFoundError):
+        submit(world.jobs, world.blobs, world.queue, spec)
+    with pytest.raises(JobNotFoundError):
+        world.jobs.get(spec.id)
+    assert list(world.blobs.list("")) == []
+    assert world.queue.pending() == set()
 
 
 def test_a_job_no_queue_holds_is_sent_after_two_scans(world: World) -> None:
@@ -148,7 +170,6 @@ def test_any_attempt_can_tell_the_record_of_a_result(world: World) -> None:
 
 def test_deleting_removes_the_files(world: World) -> None:
     spec, mesh = job_spec(), mesh_record()
-    world.meshes.add(mesh)
     world.blobs.create(layout.mesh_arrays(mesh.id), b"")
     submit(world.jobs, world.blobs, world.queue, spec)
     cancel(world.jobs, world.blobs, spec.id)
@@ -161,6 +182,118 @@ def test_deleting_removes_the_files(world: World) -> None:
         world.meshes.get(mesh.id)
     with pytest.raises(BlobNotFoundError):
         world.blobs.read(layout.mesh_arrays(mesh.id))
+
+
+def settled(world: World) -> tuple[str, ...]:
+    return Reconciler(world.jobs, world.queue, world.blobs, orphan_s=15).scan().settled
+
+
+def checkpoint(world: World, job_id: str) -> None:
+    world.blobs.create(layout.numbered(layout.checkpoints(job_id), 1, 5), b"")
+
+
+@pytest.mark.parametrize("end", ["poison", "cancelled and lost", "cancelled and released"])
+def test_a_job_the_record_ended_gets_its_result_from_the_reconciler(world: World, end: str) -> None:
+    spec = job_spec()
+    submit(world.jobs, world.blobs, world.queue, spec)
+    token = world.jobs.claim(spec.id, "w").token
+    world.jobs.add_snapshot(spec.id, token, Snapshot(0, "k", "s", 1, {"sphericity": 0.5}, 1.0))
+    world.jobs.report(spec.id, token, Progress(2, 3), [{"iteration": 0, "sphericity": 0.5}])
+    checkpoint(world, spec.id)
+    if end == "poison":
+        world.jobs.lose(spec.id, token)
+        world.jobs.lose(spec.id, world.jobs.claim(spec.id, "w").token)
+    else:
+        world.jobs.request_cancel(spec.id)
+        (world.jobs.lose if end == "cancelled and lost" else world.jobs.release)(spec.id, token)
+    assert settled(world) == (spec.id,)
+    job = world.jobs.get(spec.id)
+    assert job.status.done
+    result = read_result(world.blobs, spec.id)
+    assert result is not None
+    assert (result.outcome.status, result.outcome.error) == (job.status, job.error)
+    assert (result.snapshots, result.progress) == (job.snapshots, job.progress)
+    assert list(result.rows) == world.jobs.metrics(spec.id) != []
+    assert list(world.blobs.list(layout.checkpoints(spec.id))) == []
+    assert settled(world) == ()
+
+
+def test_a_worker_that_died_after_its_commit_leaves_no_checkpoints(world: World) -> None:
+    spec = job_spec()
+    submit(world.jobs, world.blobs, world.queue, spec)
+    token = world.jobs.claim(spec.id, "dies").token
+    checkpoint(world, spec.id)
+    result = write_result(world.blobs, result_of(spec.id, token))
+    world.jobs.commit(spec.id, token, result.outcome)
+    assert settled(world) == (spec.id,)
+    assert list(world.blobs.list(layout.checkpoints(spec.id))) == []
+    assert read_result(world.blobs, spec.id) == result
+
+
+def test_files_of_a_job_whose_deletion_was_broken_off_are_removed(world: World) -> None:
+    spec = job_spec()
+    submit(world.jobs, world.blobs, world.queue, spec)
+    cancel(world.jobs, world.blobs, spec.id)
+    world.jobs.delete(spec.id)  # and then the process died
+    assert list(world.blobs.list(layout.job_folder(spec.id))) != []
+    assert settled(world) == (spec.id,)
+    assert list(world.blobs.list(layout.job_folder(spec.id))) == []
+
+
+def test_a_job_deleted_while_it_is_settled_leaves_no_files(world: World) -> None:
+    spec = job_spec()
+    submit(world.jobs, world.blobs, world.queue, spec)
+    world.jobs.request_cancel(spec.id)
+
+    class Slow(MemoryBlobStore):
+        """Somebody deletes the job just before its result is written."""
+
+        def create(self, key: str, chunks: bytes | Iterable[bytes]) -> BlobStat:
+            delete_job(world.jobs, world.blobs, spec.id)
+            return world.blobs.create(key, chunks)
+
+        def list(self, prefix: str) -> Iterator[BlobStat]:
+            return world.blobs.list(prefix)
+
+        def delete(self, key: str) -> bool:
+            return world.blobs.delete(key)
+
+    settle(world.jobs, Slow(world.blobs.scratch()), spec.id)
+    assert list(world.blobs.list(layout.job_folder(spec.id))) == []
+    assert world.jobs.unsettled() == []
+
+
+def test_a_full_disk_puts_the_result_off(world: World) -> None:
+    class Full(MemoryBlobStore):
+        full = False
+
+        def create(self, key: str, chunks: bytes | Iterable[bytes]) -> BlobStat:
+            if self.full:
+                raise StorageFullError
+            return super().create(key, chunks)
+
+    world.blobs = blobs = Full(world.blobs.scratch())
+    spec = job_spec()
+    submit(world.jobs, blobs, world.queue, spec)
+    blobs.full = True
+    assert cancel(world.jobs, blobs, spec.id) is CancelOutcome.CANCELLED
+    assert settled(world) == ()
+    blobs.full = False
+    assert settled(world) == (spec.id,)
+    assert read_result(blobs, spec.id) is not None
+
+
+def test_settling_touches_nothing_that_goes_on_or_is_unknown(world: World) -> None:
+    spec = job_spec()
+    submit(world.jobs, world.blobs, world.queue, spec)
+    before = list(world.blobs.list(""))
+    settle(world.jobs, world.blobs, spec.id)
+    assert list(world.blobs.list("")) == before
+    unknown = new_job_id()[0]
+    world.blobs.create(layout.spec(unknown), b"")
+    with pytest.raises(JobNotFoundError):
+        settle(world.jobs, world.blobs, unknown)
+    assert world.blobs.stat(layout.spec(unknown)) is not None
 
 
 def test_old_scratch_files_are_swept(tmp_path: Path) -> None:

@@ -5,50 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import pytest
-import redis
 
 from spherify.jobs.errors import (
-    InvalidCursorError,
     JobGoneError,
     JobNotFinishedError,
     JobNotFoundError,
+    MeshNotFoundError,
 )
 from spherify.jobs.ids import new_job_id
 from spherify.jobs.model import JobError, JobStatus, Outcome, Progress, Snapshot
 from spherify.jobs.ports import CancelOutcome, Claim, ClaimOutcome, JobStore, Renewal
-from spherify.stores.memory import MemoryJobStore
-from spherify.stores.redis_jobs import RedisJobStore
 from tests.jobs.examples import job_spec
 
 DONE = Outcome(JobStatus.SUCCESSFUL, "converged", "round", result_iteration=3, best_iteration=2)
 MakeStore = Callable[..., JobStore]
-
-
-@pytest.fixture(params=["memory", "redis"])
-def make(request: pytest.FixtureRequest) -> MakeStore:
-    """Return a maker of stores over the same records, with a lease and a cap of one's own."""
-    if request.param == "redis":
-        client: redis.Redis = request.getfixturevalue("client")
-        return lambda **options: RedisJobStore(client, **options)
-    first = MemoryJobStore()
-
-    def twin(lease_s: float = 30.0, max_losses: int = 3) -> JobStore:
-        store = MemoryJobStore(lease_s=lease_s, max_losses=max_losses)
-        store._entries, store._gone = first._entries, first._gone
-        return store
-
-    return twin
-
-
-@pytest.fixture
-def jobs(make: MakeStore) -> JobStore:
-    return make()
-
-
-@pytest.fixture
-def forgetful(make: MakeStore) -> JobStore:
-    """A store over the same records whose leases have run out when they are given."""
-    return make(lease_s=-1.0, max_losses=1)
 
 
 def snapshot(iteration: int, key: str = "k") -> Snapshot:
@@ -97,6 +67,7 @@ def test_an_unknown_job(jobs: JobStore) -> None:
     assert not jobs.add_snapshot(job_id, 1, snapshot(0))
     assert not jobs.release(job_id, 1)
     assert not jobs.lose(job_id, 1)
+    assert jobs.seal(job_id, 1) is Renewal.FENCED
     assert not jobs.commit(job_id, 1, DONE)
     assert sum(jobs.counts().values()) == 0
 
@@ -186,6 +157,66 @@ def test_a_running_job_is_told_and_then_cancelled_whatever_it_says(jobs: JobStor
     assert jobs.commit(job_id, token, DONE)
     job = jobs.get(job_id)
     assert (job.status, job.stop_reason, job.stop_detail) == (JobStatus.CANCELLED, "cancelled", None)
+    assert (job.result_iteration, job.best_iteration) == (None, 2)  # snapshots, and no result
+
+
+def test_a_job_on_an_unknown_mesh_is_not_recorded(jobs: JobStore) -> None:
+    spec = job_spec(mesh_id="mesh_" + "2" * 26)
+    with pytest.raises(MeshNotFoundError):
+        jobs.add(spec)
+    with pytest.raises(JobNotFoundError):
+        jobs.get(spec.id)
+    assert jobs.waiting(0) == []
+
+
+def test_a_cancel_is_heard_until_the_end_is_sealed(jobs: JobStore) -> None:
+    job_id, token = running(jobs)
+    assert jobs.seal(job_id, token) is Renewal.HELD
+    assert jobs.request_cancel(job_id) is CancelOutcome.FINISHED
+    assert jobs.seal(job_id, token) is Renewal.HELD
+    assert jobs.commit(job_id, token, DONE)
+    assert jobs.get(job_id).status is JobStatus.SUCCESSFUL
+    job_id, token = running(jobs)
+    jobs.request_cancel(job_id)
+    assert jobs.seal(job_id, token) is Renewal.CANCEL
+
+
+def test_a_seal_ends_with_its_attempt(jobs: JobStore) -> None:
+    job_id, token = running(jobs)
+    jobs.seal(job_id, token)
+    jobs.lose(job_id, token)
+    assert jobs.seal(job_id, token) is Renewal.FENCED
+    jobs.claim(job_id, "w")
+    assert jobs.request_cancel(job_id) is CancelOutcome.CANCELLING
+
+
+def test_every_end_is_unsettled_until_its_files_are(jobs: JobStore, forgetful: JobStore) -> None:
+    committed, token = running(jobs)
+    assert jobs.unsettled() == []
+    jobs.commit(committed, token, DONE)
+    cancelled = jobs.add(job_spec()).id
+    jobs.request_cancel(cancelled)
+    released, token = running(jobs)
+    jobs.request_cancel(released)
+    jobs.release(released, token)
+    poisoned = jobs.add(job_spec()).id
+    forgetful.claim(poisoned, "w")
+    forgetful.lost()
+    forgetful.claim(poisoned, "w")
+    forgetful.lost()
+    ends = sorted([committed, cancelled, released, poisoned])
+    assert jobs.unsettled() == ends
+    for job_id in ends:
+        assert not jobs.settled(job_id, deleted=True)
+    assert jobs.unsettled() == ends
+    jobs.delete(committed)
+    assert not jobs.settled(committed, deleted=False)
+    assert jobs.settled(committed, deleted=True)
+    for job_id in (cancelled, released, poisoned):
+        assert jobs.settled(job_id, deleted=False)
+    assert jobs.unsettled() == []
+    jobs.delete(cancelled)  # its files are to go now
+    assert jobs.unsettled() == [cancelled]
 
 
 def test_a_released_job_is_next_and_has_lost_nothing(jobs: JobStore) -> None:
@@ -300,51 +331,6 @@ def test_only_a_finished_job_is_deleted_and_leaves_a_tombstone(jobs: JobStore) -
         jobs.add(spec)
     assert jobs.find().items == jobs.find(tag="t").items == jobs.find(mesh_id=spec.mesh_id).items == ()
     assert sum(jobs.counts().values()) == 0
-
-
-def test_pages_are_newest_first_and_complete(jobs: JobStore) -> None:
-    specs = [job_spec(at=1_700_000_000.0 + i, tags=("odd",) if i % 2 else ("even",)) for i in range(7)]
-    for spec in specs:
-        jobs.add(spec)
-    expected = [spec.id for spec in reversed(specs)]
-    seen: list[str] = []
-    cursor = None
-    for _ in range(4):
-        page = jobs.find(limit=2, cursor=cursor)
-        seen += [job.id for job in page.items]
-        cursor = page.next_cursor
-    assert seen == expected
-    assert cursor is None
-    assert jobs.find(limit=7).next_cursor is None
-    assert [job.id for job in jobs.find(tag="odd").items] == expected[1::2]
-
-
-def test_listings_filter_by_everything_at_once(jobs: JobStore) -> None:
-    other = "mesh_" + "1" * 26
-    old = job_spec(at=1_700_000_000.0, tags=("t",))
-    new = job_spec(at=1_700_000_010.0, tags=("t", "u"))
-    elsewhere = job_spec(at=1_700_000_020.0, tags=("t",), mesh_id=other)
-    for spec in (old, new, elsewhere):
-        jobs.add(spec)
-    jobs.request_cancel(old.id)
-
-    def ids(**filters: object) -> list[str]:
-        return [job.id for job in jobs.find(**filters).items]  # type: ignore[arg-type]
-
-    assert ids(status=JobStatus.ACCEPTED) == [elsewhere.id, new.id]
-    assert ids(status=JobStatus.CANCELLED) == [old.id]
-    assert ids(mesh_id=other) == [elsewhere.id]
-    assert ids(tag="t", mesh_id=old.mesh_id) == [new.id, old.id]
-    assert ids(tag="t", mesh_id=old.mesh_id, status=JobStatus.ACCEPTED) == [new.id]
-    assert ids(created_after=1_700_000_000.0) == [elsewhere.id, new.id]
-    assert ids(created_after=1_700_000_015.5) == [elsewhere.id]
-    assert ids(tag="none") == []
-
-
-@pytest.mark.parametrize("cursor", ["", "x", "job_", "mesh_1", "job_01K00000000000000000000000x"])
-def test_a_cursor_must_be_one_of_ours(jobs: JobStore, cursor: str) -> None:
-    with pytest.raises(InvalidCursorError):
-        jobs.find(cursor=cursor)
 
 
 def test_every_change_raises_the_revision(jobs: JobStore) -> None:

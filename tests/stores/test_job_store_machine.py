@@ -17,9 +17,10 @@ from hypothesis.stateful import (
 )
 
 from spherify.jobs.model import LEGAL_MOVES, Job, JobStatus, Outcome, Progress, Snapshot
-from spherify.stores.memory import MemoryJobStore
+from spherify.stores.memory import MemoryJobStore, MemoryMeshStore
 from spherify.stores.redis_jobs import RedisJobStore
-from tests.jobs.examples import job_spec
+from spherify.stores.redis_meshes import RedisMeshStore
+from tests.jobs.examples import job_spec, mesh_record
 
 TIMES = {"lease_until": None, "started_at": None, "finished_at": None, "rev": 0, "error": None}
 MAX_LOSSES = 2
@@ -35,6 +36,8 @@ def test_every_life_of_a_job_is_the_same_in_both_stores(client: redis.Redis) -> 
             self.real = RedisJobStore(client, lease_s=60, max_losses=MAX_LOSSES)
             self.brief = RedisJobStore(client, lease_s=-1, max_losses=MAX_LOSSES)
             self.twin = MemoryJobStore(lease_s=60, max_losses=MAX_LOSSES)
+            for meshes in (RedisMeshStore(client), MemoryMeshStore(self.twin)):
+                meshes.add(mesh_record())
             self.seen: dict[str, Job] = {}
 
         @rule(target=ids)
@@ -80,6 +83,14 @@ def test_every_life_of_a_job_is_the_same_in_both_stores(client: redis.Redis) -> 
             outcome = Outcome(status, "converged", result_iteration=1, best_iteration=1)
             assert self.real.commit(job_id, token, outcome) == self.twin.commit(job_id, token, outcome)
 
+        @rule(job_id=ids, token=st.integers(1, 4))
+        def seal(self, job_id: str, token: int) -> None:
+            assert self.real.seal(job_id, token) == self.twin.seal(job_id, token)
+
+        @rule(job_id=ids, deleted=st.booleans())
+        def settled(self, job_id: str, deleted: bool) -> None:
+            assert self.real.settled(job_id, deleted=deleted) == self.twin.settled(job_id, deleted=deleted)
+
         @rule(job_id=ids)
         def cancel(self, job_id: str) -> None:
             assert self.real.request_cancel(job_id) == self.twin.request_cancel(job_id)
@@ -99,6 +110,7 @@ def test_every_life_of_a_job_is_the_same_in_both_stores(client: redis.Redis) -> 
         def records_are_the_same_and_moved_legally(self) -> None:
             assert self.real.counts() == self.twin.counts()
             assert self.real.waiting(0) == self.twin.waiting(0)
+            assert self.real.unsettled() == self.twin.unsettled()
             for job in self.real.find(limit=1000).items:
                 twin = self.twin.get(job.id)
                 assert dataclasses.replace(job, **TIMES) == dataclasses.replace(twin, **TIMES)

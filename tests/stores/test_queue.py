@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -17,7 +17,7 @@ from spherify.stores.connect import open_stores
 from spherify.stores.embedded import EmbeddedServer
 from spherify.stores.leader import Leadership
 from spherify.stores.queue import CeleryJobQueue, broker_url, transport
-from tests.jobs.examples import job_spec
+from tests.jobs.examples import job_spec, mesh_record
 
 
 @pytest.fixture
@@ -76,6 +76,7 @@ def test_addresses_in_celerys_spelling(url: str, broker: str) -> None:
 def test_a_server_that_does_not_answer_is_named_and_nothing_hangs(tmp_path: Path, how: str) -> None:
     with EmbeddedServer(tmp_path / "server") as server:
         stores = open_stores(Settings(redis_url=server.url, data_dir=tmp_path))
+        stores.meshes.add(mesh_record())
         job = stores.jobs.add(job_spec())
         stores.queue.send(job.id)
         pid = server.pid
@@ -99,6 +100,42 @@ def test_a_server_that_does_not_answer_is_named_and_nothing_hangs(tmp_path: Path
         assert stores.jobs.get(job.id) == job
         assert stores.queue.pending() == {job.id}
         stores.close()
+
+
+def no_memory(client: redis.Redis) -> None:
+    client.config_set("maxmemory", "1")
+
+
+def demote(client: redis.Redis) -> None:
+    client.replicaof("127.0.0.1", "1")
+
+
+@pytest.mark.parametrize("refuse", [no_memory, demote])
+def test_a_server_that_refuses_for_now_is_named(
+    server: EmbeddedServer,
+    client: redis.Redis,
+    tmp_path: Path,
+    refuse: Callable[[redis.Redis], None],
+) -> None:
+    stores = open_stores(Settings(redis_url=server.url, data_dir=tmp_path))
+    stores.meshes.add(mesh_record())
+    job = stores.jobs.add(job_spec())
+    stores.queue.send(job.id)
+    refuse(client)
+    try:
+        for use in (
+            lambda: stores.jobs.add(job_spec()),
+            lambda: stores.meshes.add(mesh_record("mesh_" + "1" * 26)),
+            lambda: stores.jobs.claim(job.id, "w"),
+            lambda: stores.queue.send(job.id),
+        ):
+            with pytest.raises(StoreUnavailableError):
+                use()
+    finally:
+        client.replicaof("NO", "ONE")
+        client.config_set("maxmemory", "0")
+    assert stores.jobs.claim(job.id, "w").token == 1
+    stores.close()
 
 
 def test_one_leads_and_another_follows_when_it_resigns(client: redis.Redis) -> None:

@@ -14,7 +14,7 @@ from tests.stack import started_stack, wait_for
 
 def test_a_job_seen_through_the_api_and_everything_gone_afterwards(tmp_path: Path) -> None:
     with started_stack(tmp_path) as stack:
-        store_mesh(stack.stores.blobs, stone())
+        store_mesh(stack.stores.meshes, stack.stores.blobs, stone())
         job_id = submit(stack.stores.jobs, stack.stores.blobs, stack.stores.queue, job_spec()).id
 
         def done() -> bool:

@@ -22,7 +22,7 @@ from spherify.jobs.results import Result, read_result
 from spherify.jobs.submit import submit
 from spherify.parameters import resolve
 from spherify.stores.arrays import load_arrays
-from tests.jobs.examples import ENDLESS, job_spec, stone, store_mesh
+from tests.jobs.examples import ENDLESS, job_spec, mesh_record, stone, store_mesh
 from tests.stack import Stack, started_stack, wait_for
 
 LONG = {"iterations": 240, "snapshots": "every:40"}
@@ -32,7 +32,7 @@ LONG = {"iterations": 240, "snapshots": "every:40"}
 def stack(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stack]:
     folder = tmp_path_factory.mktemp("worker")
     with started_stack(folder, workers=1, api=False) as stack:
-        store_mesh(stack.stores.blobs, stone())
+        store_mesh(stack.stores.meshes, stack.stores.blobs, stone())
         yield stack
     assert descendants(os.getpid(), "worker") == []  # nothing is left behind
 
@@ -146,7 +146,9 @@ def test_a_collapse_fails_and_keeps_its_best_state(stack: Stack) -> None:
 
 
 def test_a_job_that_cannot_be_computed_says_why(stack: Stack) -> None:
-    job = finished(stack, submitted(stack, job_spec(mesh_id="mesh_" + "0" * 26)))
+    without_files = mesh_record("mesh_" + "0" * 26)
+    stack.stores.meshes.add(without_files)
+    job = finished(stack, submitted(stack, job_spec(mesh_id=without_files.id)))
     assert job.status is JobStatus.FAILED
     assert job.error is not None
     assert job.error.code == "mesh-missing"
@@ -223,6 +225,10 @@ def test_a_job_that_kills_its_runner_every_time_fails_after_its_cap(stack: Stack
     assert (job.status, job.losses, job.attempt) == (JobStatus.FAILED, 4, 4)
     assert job.error is not None
     assert job.error.code == "worker-lost"
+    result = wait_for(lambda: read_result(stack.stores.blobs, job_id))  # by the reconciler
+    assert result is not None
+    assert (result.outcome.status, result.outcome.error) == (JobStatus.FAILED, job.error)
+    assert tuple(result.snapshots) == job.snapshots
 
 
 def test_a_killed_worker_leaves_nothing_and_another_ends_its_job_with_the_same_bytes(
@@ -302,7 +308,7 @@ def test_a_worker_that_died_between_file_and_record_is_made_up_for(stack: Stack)
 def test_memory_that_runs_out_is_named(tmp_path: Path) -> None:
     limits = {"SPHERIFY_RUNNER_MEMORY_BYTES": str(1 << 20), "SPHERIFY_LEASE_S": "5"}
     with started_stack(tmp_path, workers=1, api=False, environment=limits) as small:
-        store_mesh(small.stores.blobs, stone())
+        store_mesh(small.stores.meshes, small.stores.blobs, stone())
         job = finished(small, submitted(small, job_spec()))
         assert job.error is not None
         assert job.error.code == "out-of-memory"

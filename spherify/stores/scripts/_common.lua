@@ -1,6 +1,6 @@
--- Put before every script of jobs. KEYS: 1 the record, 2 jobs:queued, 3 jobs:leases, 4 jobs:status: (a prefix).
--- ARGV[1] is the job's id. The letters of the arrows are those of spherify/jobs/model.py.
-local JOB, QUEUED, LEASES, BY_STATUS, ID = KEYS[1], KEYS[2], KEYS[3], KEYS[4], ARGV[1]
+-- Put before every script of jobs. KEYS: 1 the record, 2 jobs:queued, 3 jobs:leases, 4 jobs:unsettled,
+-- 5 jobs:status: (a prefix). ARGV[1] is the job's id. The letters of the arrows are those of spherify/jobs/model.py.
+local JOB, QUEUED, LEASES, UNSETTLED, BY_STATUS, ID = KEYS[1], KEYS[2], KEYS[3], KEYS[4], KEYS[5], ARGV[1]
 
 local function now() -- milliseconds, by the server's clock only
   local t = redis.call('TIME')
@@ -19,14 +19,20 @@ local function move(to) -- to another status, and out of what the old one stood 
   if to ~= 'accepted' then redis.call('ZREM', QUEUED, ID) end
   if to ~= 'running' and to ~= 'cancelling' then
     redis.call('ZREM', LEASES, ID)
-    redis.call('HDEL', JOB, 'lease_until', 'worker')
+    redis.call('HDEL', JOB, 'lease_until', 'worker', 'sealed')
   end
   touch()
 end
 
 local function finish(status)
   redis.call('HSET', JOB, 'finished_at', now() / 1000)
+  redis.call('ZADD', UNSETTLED, 0, ID)
   move(status)
+end
+
+local function finish_cancelled()
+  redis.call('HSET', JOB, 'stop_reason', 'cancelled')
+  finish('cancelled')
 end
 
 local function lease(ms)
@@ -48,8 +54,7 @@ end
 -- Arrow c with a count, or the end of a job that lost too many workers. Returns the new status.
 local function lose(max_losses)
   if field('status') == 'cancelling' then
-    redis.call('HSET', JOB, 'stop_reason', 'cancelled')
-    finish('cancelled')
+    finish_cancelled()
     return 'cancelled'
   end
   local losses = redis.call('HINCRBY', JOB, 'losses', 1)

@@ -1,9 +1,10 @@
--- A new job: submit -> accepted. ARGV: 2 spec, 3.. further index keys (all jobs, mesh, tags). 0 if it is known or deleted.
--- KEYS[5] is its tombstone.
-if redis.call('EXISTS', JOB, KEYS[5]) > 0 then return 0 end
+-- A new job: submit -> accepted. ARGV: 2 spec, 3.. further index keys (all jobs, mesh, tags). 'known' also if it was deleted.
+-- KEYS: 6 its tombstone, 7 the record of its mesh.
+if redis.call('EXISTS', JOB, KEYS[6]) > 0 then return 'known' end
+if redis.call('EXISTS', KEYS[7]) == 0 then return 'no-mesh' end
 local at = now()
 redis.call('HSET', JOB, 'spec', ARGV[2], 'status', 'accepted', 'rev', 0, 'token', 0, 'attempt', 0, 'losses', 0, 'queued_at', at)
 redis.call('ZADD', QUEUED, at, ID)
 for i = 3, #ARGV do redis.call('ZADD', ARGV[i], 0, ID) end
 move('accepted')
-return 1
+return 'added'

@@ -2,11 +2,10 @@
 local status = field('status')
 if not status then return 'unknown' end
 if status == 'accepted' then
-  redis.call('HSET', JOB, 'stop_reason', 'cancelled')
-  finish('cancelled')
+  finish_cancelled()
   return 'cancelled'
 end
-if status == 'running' then
+if status == 'running' and not field('sealed') then
   move('cancelling')
   return 'cancelling'
 end

@@ -4,11 +4,10 @@ if field('committed') == ARGV[2] .. ARGV[4] then return 1 end
 if not held(ARGV[2]) then return 0 end
 for i = 5, #ARGV, 2 do redis.call('HSET', JOB, ARGV[i], ARGV[i + 1]) end
 redis.call('HSET', JOB, 'committed', ARGV[2] .. ARGV[4])
-local status = ARGV[3]
 if field('status') == 'cancelling' then
-  status = 'cancelled'
-  redis.call('HSET', JOB, 'stop_reason', 'cancelled')
-  redis.call('HDEL', JOB, 'error', 'stop_detail')
+  redis.call('HDEL', JOB, 'error', 'stop_detail', 'result_iteration')
+  finish_cancelled()
+else
+  finish(ARGV[3])
 end
-finish(status)
 return 1

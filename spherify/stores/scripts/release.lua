@@ -1,8 +1,7 @@
 -- Arrow c without a count: the worker hands the job on. ARGV: 2 token. A job to be cancelled is cancelled instead.
 if not held(ARGV[2]) then return 0 end
 if field('status') == 'cancelling' then
-  redis.call('HSET', JOB, 'stop_reason', 'cancelled')
-  finish('cancelled')
+  finish_cancelled()
 else
   requeue()
 end

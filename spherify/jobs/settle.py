@@ -1,0 +1,52 @@
+"""Bring the files of a job that ended or was deleted to their last state, which whoever ended it may not live to do."""
+
+from __future__ import annotations
+
+from spherify.jobs import layout
+from spherify.jobs.errors import JobGoneError
+from spherify.jobs.model import Job, Outcome
+from spherify.jobs.ports import BlobStore, JobStore
+from spherify.jobs.results import Result, write_result
+from spherify.jobs.rows import Row
+
+
+def settle(jobs: JobStore, blobs: BlobStore, job_id: str) -> None:
+    """Leave an ended job with a ``result.json`` and no checkpoints, and a deleted one without files.
+
+    May be repeated, by anybody; the reconciler does it for everyone who did not.
+
+    Raises:
+        JobNotFoundError: nothing is known of it, and nothing is touched.
+        StorageFullError, StoreUnavailableError: the reconciler will try again.
+
+    """
+    settled = False
+    while not settled:  # once more if it was deleted meanwhile
+        try:
+            job = jobs.get(job_id)
+            if not job.status.done:
+                return
+            if blobs.stat(layout.result(job_id)) is None:
+                write_result(blobs, _result_of(job, jobs.metrics(job_id)))
+            remove_folder(blobs, layout.checkpoints(job_id))
+            settled = jobs.settled(job_id, deleted=False)
+        except JobGoneError:
+            remove_folder(blobs, layout.job_folder(job_id))
+            settled = jobs.settled(job_id, deleted=True)
+
+
+def remove_folder(blobs: BlobStore, prefix: str) -> int:
+    """Remove every blob below a prefix and return how many there were."""
+    return sum(blobs.delete(stat.key) for stat in list(blobs.list(prefix)))
+
+
+def _result_of(job: Job, rows: list[Row]) -> Result:
+    outcome = Outcome(
+        status=job.status,
+        stop_reason=job.stop_reason,
+        stop_detail=job.stop_detail,
+        result_iteration=job.result_iteration,
+        best_iteration=job.best_iteration,
+        error=job.error,
+    )
+    return Result(job.id, job.token, outcome, job.progress, job.snapshots, rows)

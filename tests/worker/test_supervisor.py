@@ -1,0 +1,267 @@
+"""A supervisor in this process, with a real server and real runners: what it does when something does not answer."""
+
+from __future__ import annotations
+
+import logging
+import os
+import signal
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+
+import pytest
+import redis
+
+from spherify.jobs import layout
+from spherify.jobs.cancel import cancel
+from spherify.jobs.errors import StorageFullError
+from spherify.jobs.model import Job, JobStatus
+from spherify.jobs.ports import BlobStat, CancelOutcome
+from spherify.jobs.reconcile import Reconciler
+from spherify.jobs.results import read_result
+from spherify.jobs.submit import submit
+from spherify.settings import Settings
+from spherify.stores.blobs import FolderBlobStore
+from spherify.stores.connect import Stores, open_stores
+from spherify.stores.embedded import EmbeddedServer
+from tests.jobs.examples import ENDLESS, job_spec, stone, store_mesh
+from tests.stack import wait_for
+from worker.runners import Runner, Runners
+from worker.supervisor import Supervisor
+
+
+class Watched(Runners):
+    """Runners of which the last one handed out is known."""
+
+    last: Runner
+
+    def take(self) -> Runner:
+        self.last = super().take()
+        return self.last
+
+    def warm_up(self) -> None:
+        """Wait for the spare, so that a time limit is not spent on its imports."""
+        self.prepare()
+        spare = self._spare
+        assert spare is not None
+        wait_for(lambda: spare.events(0.1) or spare._ready)
+
+
+@pytest.fixture
+def runners() -> Iterator[Watched]:
+    runners = Watched(1)
+    yield runners
+    runners.close()
+
+
+@pytest.fixture
+def settings(server: EmbeddedServer, client: redis.Redis, tmp_path: Path) -> Settings:
+    return Settings(redis_url=server.url, data_dir=tmp_path, cancel_grace_s=0.5)
+
+
+@pytest.fixture
+def stores(settings: Settings) -> Iterator[Stores]:
+    stores = open_stores(settings)
+    store_mesh(stores.meshes, stores.blobs, stone())
+    yield stores
+    stores.close()
+
+
+def supervise(
+    stores: Stores,
+    settings: Settings,
+    runners: Watched,
+    job_id: str,
+    *,
+    each_tick: Callable[[], bool] = lambda: False,
+    blobs: FolderBlobStore | None = None,
+) -> Job:
+    """Take a job to the end of one delivery; `each_tick` also says whether the worker is to stop."""
+    boss = Supervisor(stores.jobs, blobs or stores.blobs, stores.queue, settings, runners, stopping=each_tick)
+    boss.run(job_id, "w")
+    return stores.jobs.get(job_id)
+
+
+def when_computing(stores: Stores, job_id: str, do: Callable[[], object]) -> Callable[[], bool]:
+    """Return what does something once, as soon as a snapshot besides the first is known."""
+    done: list[bool] = []
+
+    def tick() -> bool:
+        if not done and len(stores.jobs.get(job_id).snapshots) > 1:
+            done.append(True)
+            do()
+        return False
+
+    return tick
+
+
+def endless(stores: Stores) -> str:
+    return submit(stores.jobs, stores.blobs, stores.queue, job_spec(**ENDLESS, snapshots="2")).id
+
+
+def test_a_runner_that_is_deaf_to_a_cancel_is_killed(
+    stores: Stores, settings: Settings, runners: Watched
+) -> None:
+    job_id = endless(stores)
+
+    def deafen() -> None:
+        os.kill(runners.last.pid, signal.SIGSTOP)
+        assert cancel(stores.jobs, stores.blobs, job_id) is CancelOutcome.CANCELLING
+
+    tick = when_computing(stores, job_id, deafen)
+    job = supervise(stores, settings, runners, job_id, each_tick=tick)
+    assert (job.status, job.stop_reason, job.losses) == (JobStatus.CANCELLED, "cancelled", 0)
+    assert job.best_iteration in {snapshot.iteration for snapshot in job.snapshots}
+    assert not runners.last.alive
+    result = read_result(stores.blobs, job_id)
+    assert result is not None
+    assert result.outcome.status is JobStatus.CANCELLED
+    assert tuple(result.snapshots) == job.snapshots
+
+
+def test_a_runner_that_outruns_its_limit_fails_with_the_last_state_it_kept(
+    stores: Stores, settings: Settings, runners: Watched
+) -> None:
+    job_id = endless(stores)
+    stopped: list[int] = []
+
+    def tick() -> bool:
+        if not stopped and len(stores.jobs.get(job_id).snapshots) > 1:
+            stopped.append(runners.last.pid)
+            os.kill(runners.last.pid, signal.SIGSTOP)
+        return False
+
+    runners.warm_up()
+    brief = settings.model_copy(update={"wall_limit_s": 3.0})
+    job = supervise(stores, brief, runners, job_id, each_tick=tick)
+    assert stopped
+    assert (job.status, job.stop_reason, job.losses) == (JobStatus.FAILED, "deadline", 0)
+    assert job.error is not None
+    assert job.error.code == "deadline"
+    assert job.result_iteration == job.snapshots[-1].iteration == 2
+    assert not runners.last.alive
+
+
+def test_a_worker_that_stops_hands_on_even_with_a_deaf_runner(
+    stores: Stores, settings: Settings, runners: Watched
+) -> None:
+    job_id = endless(stores)
+    stopping: list[bool] = []
+
+    def deafen() -> None:
+        os.kill(runners.last.pid, signal.SIGSTOP)
+        stopping.append(True)
+
+    tick = when_computing(stores, job_id, deafen)
+    job = supervise(stores, settings, runners, job_id, each_tick=lambda: tick() or bool(stopping))
+    assert (job.status, job.losses, job.attempt) == (JobStatus.ACCEPTED, 0, 1)
+    assert job_id in stores.queue.pending()
+
+
+def test_a_server_that_was_away_longer_than_the_lease_costs_no_loss(
+    stores: Stores,
+    settings: Settings,
+    runners: Watched,
+    server: EmbeddedServer,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    job_id = endless(stores)
+    pid = server.pid
+    assert pid is not None
+
+    class Waking(logging.Handler):
+        """Wakes the server when the supervisor has given the job up."""
+
+        def emit(self, record: logging.LogRecord) -> None:
+            if getattr(record, "action", "") == "fenced":
+                os.kill(pid, signal.SIGCONT)
+
+    waking = Waking()
+    logging.getLogger("worker.supervisor").addHandler(waking)
+    asleep: list[bool] = []
+
+    def tick() -> bool:
+        if not asleep and len(stores.jobs.get(job_id).snapshots) > 1:
+            asleep.append(True)
+            os.kill(pid, signal.SIGSTOP)
+        return False
+
+    try:
+        brief = settings.model_copy(update={"lease_s": 1.0})
+        job = supervise(stores, brief, runners, job_id, each_tick=tick)
+    finally:
+        os.kill(pid, signal.SIGCONT)
+        logging.getLogger("worker.supervisor").removeHandler(waking)
+    assert (job.status, job.losses, job.attempt) == (JobStatus.ACCEPTED, 0, 1)
+    assert not runners.last.alive
+
+
+def test_an_attempt_that_was_overtaken_writes_no_result(
+    stores: Stores, settings: Settings, runners: Watched
+) -> None:
+    job_id = endless(stores)
+
+    def overtake() -> None:
+        token = stores.jobs.get(job_id).token
+        stores.jobs.lose(job_id, token)
+        stores.jobs.claim(job_id, "other")
+
+    tick = when_computing(stores, job_id, overtake)
+    job = supervise(stores, settings, runners, job_id, each_tick=tick)
+    assert (job.status, job.worker, job.attempt) == (JobStatus.RUNNING, "other", 2)
+    assert read_result(stores.blobs, job_id) is None
+    assert not runners.last.alive
+
+
+class Hooked(FolderBlobStore):
+    """A blob store that does something before a result is written."""
+
+    before: Callable[[], object]
+
+    def create(self, key: str, chunks: bytes | Iterable[bytes]) -> BlobStat:
+        if key.endswith("result.json"):
+            self.before()
+        return super().create(key, chunks)
+
+
+def test_a_cancel_while_the_end_is_written_comes_too_late(
+    stores: Stores, settings: Settings, runners: Watched
+) -> None:
+    job_id = submit(stores.jobs, stores.blobs, stores.queue, job_spec()).id
+    answers: list[CancelOutcome] = []
+    blobs = Hooked(stores.blobs.root)
+    blobs.before = lambda: answers.append(cancel(stores.jobs, stores.blobs, job_id))
+    job = supervise(stores, settings, runners, job_id, blobs=blobs)
+    assert answers == [CancelOutcome.FINISHED]
+    result = read_result(stores.blobs, job_id)
+    assert result is not None
+    assert job.status is result.outcome.status is JobStatus.SUCCESSFUL
+
+
+def test_a_disk_that_is_full_at_the_end_is_named_and_written_down_later(
+    stores: Stores, settings: Settings, runners: Watched
+) -> None:
+    def full() -> None:
+        raise StorageFullError("there is no space left to store this")
+
+    job_id = submit(stores.jobs, stores.blobs, stores.queue, job_spec()).id
+    blobs = Hooked(stores.blobs.root)
+    blobs.before = full
+    job = supervise(stores, settings, runners, job_id, blobs=blobs)
+    assert job.status is JobStatus.FAILED
+    assert job.error is not None
+    assert job.error.code == "storage-full"
+    assert read_result(stores.blobs, job_id) is None
+    scan = Reconciler(stores.jobs, stores.queue, stores.blobs, orphan_s=15).scan()
+    assert scan.settled == (job_id,)
+    result = read_result(stores.blobs, job_id)
+    assert result is not None
+    assert result.outcome.error == job.error
+
+
+def test_all_is_settled_at_the_end(stores: Stores, settings: Settings, runners: Watched) -> None:
+    job_id = submit(stores.jobs, stores.blobs, stores.queue, job_spec(iterations=30)).id
+    often = settings.model_copy(update={"checkpoint_s": 0.001})
+    job = supervise(stores, often, runners, job_id)
+    assert job.status is JobStatus.SUCCESSFUL
+    assert list(stores.blobs.list(layout.checkpoints(job_id))) == []
+    assert stores.jobs.unsettled() == []
