@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from spherify.jobs.errors import StorageFullError
+from spherify.jobs.errors import JobNotFoundError, StorageFullError
 from spherify.jobs.ports import BlobStore, JobQueue, JobStore
 from spherify.jobs.settle import settle
 
@@ -76,9 +76,9 @@ class Reconciler:
             extra = {"job_id": job_id, "action": "reconcile-settle"}
             try:
                 settle(self._jobs, self._blobs, job_id)
-            except StorageFullError as e:
+            except (StorageFullError, JobNotFoundError, OSError) as e:  # one job's trouble is not the others'
                 log.warning("not settled: %s", e, extra=extra)
-                break
+                continue
             log.info("ended or deleted: its files are settled", extra=extra)
             settled.append(job_id)
         return tuple(settled)

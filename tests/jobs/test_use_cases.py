@@ -283,6 +283,22 @@ def test_a_full_disk_puts_the_result_off(world: World) -> None:
     assert read_result(blobs, spec.id) is not None
 
 
+def test_files_that_cannot_be_removed_do_not_keep_others_from_being_settled(world: World) -> None:
+    class Stuck(MemoryBlobStore):
+        def list(self, prefix: str) -> Iterator[BlobStat]:
+            if prefix == layout.checkpoints(specs[0].id):
+                raise PermissionError(13, "not yours")
+            return super().list(prefix)
+
+    specs = [job_spec(), job_spec()]
+    world.blobs = Stuck(world.blobs.scratch())
+    for spec in specs:
+        submit(world.jobs, world.blobs, world.queue, spec)
+        world.jobs.request_cancel(spec.id)
+    assert settled(world) == (specs[1].id,)
+    assert world.jobs.unsettled() == [specs[0].id]
+
+
 def test_settling_touches_nothing_that_goes_on_or_is_unknown(world: World) -> None:
     spec = job_spec()
     submit(world.jobs, world.blobs, world.queue, spec)

@@ -212,6 +212,20 @@ def test_an_attempt_that_was_overtaken_writes_no_result(
     assert not runners.last.alive
 
 
+def test_an_attempt_whose_records_are_flushed_ends_and_leaves_every_file(
+    stores: Stores, settings: Settings, runners: Watched
+) -> None:
+    job_id = endless(stores)
+    tick = when_computing(stores, job_id, stores.client.flushall)
+    boss = Supervisor(stores.jobs, stores.blobs, stores.queue, settings, runners, stopping=tick)
+    boss.run(job_id, "w")
+    assert not runners.last.alive
+    assert stores.client.keys("spherify:*") == []  # no half of a record is written after it
+    kept = {blob.key for blob in stores.blobs.list(layout.job_folder(job_id))}
+    assert {layout.spec(job_id), layout.numbered(layout.snapshots(job_id), 1, 2)} <= kept
+    assert layout.result(job_id) not in kept
+
+
 class Hooked(FolderBlobStore):
     """A blob store that does something before a result is written."""
 
