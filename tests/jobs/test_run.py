@@ -94,8 +94,9 @@ def test_planned_states_are_kept_as_the_flow_yields_them() -> None:
 
 
 def test_rows_follow_the_rule() -> None:
-    settings = config(iterations=540)
-    _, sink = recorded(stone(), settings, "333")
+    settings = config(iterations=540, annealing=None, stop_radius_variation=0)  # to the last iteration
+    end, sink = recorded(stone(), settings, "333")
+    assert end.stop_reason is StopReason.ITERATIONS
     wanted = {*recorded_iterations(540, SnapshotPlan.parse("333", 540)), *sink.snapshots}
     assert set(sink.rows) == wanted
 
