@@ -122,7 +122,7 @@ class Parameters(_Strict):
         Field(
             ge=0,
             title="Round enough",
-            description="The run ends as `converged` below this radius variation; 0 is off.",
+            description="The run ends as `converged` below this radius variation, unless faces look inward; 0 is off.",
         ),
     ]
     boundary: Annotated[

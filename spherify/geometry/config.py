@@ -77,7 +77,8 @@ class FlowConfig:
             and set to 0 when the sphericity fell; 0 is off. Ours.
         rescale: what is restored about the centroid after each iteration. Ours.
         annealing: see `Annealing`; None is off.
-        stop_radius_variation: the run ends as ``converged`` below this radius variation; 0 is off.
+        stop_radius_variation: the run ends as ``converged`` below this radius variation, unless a face
+            looks inward; 0 is off.
         boundary: whether vertices on an open boundary move. Closed meshes have none.
 
     """

@@ -23,6 +23,7 @@ from spherify.geometry.kernels import Engine, Kernel, get_engine
 from spherify.geometry.mesh import Floats, TriangleMesh
 from spherify.geometry.metrics import Metrics, metrics_of
 from spherify.geometry.progress import Progress, fingerprint_of
+from spherify.geometry.quality import inward_faces
 from spherify.geometry.roundness import Shape
 from spherify.geometry.schedule import stage_at
 from spherify.geometry.topology import Topology
@@ -35,7 +36,9 @@ class StopReason(StrEnum):
     """Why a run ended."""
 
     ITERATIONS = "iterations"  # all were done
-    CONVERGED = "converged"  # the radius variation fell below config.stop_radius_variation
+    CONVERGED = (
+        "converged"  # the radius variation fell below config.stop_radius_variation, and no face looks inward
+    )
     STALLED = "stalled"  # annealed down to config.annealing.min_step
     CONSTANT_CURVATURE = "constant-curvature"  # K_max = K_min leaves t undefined: the mesh does not move
     COLLAPSED = "collapsed"  # the next state was not finite, or inside out; the best state is the result
@@ -216,9 +219,10 @@ class _Run:
                 f"iteration {progress.broke_at} turned the mesh inside out or left the finite numbers; "
                 f"the result is the best state, that of iteration {progress.iteration}"
             )
-        if shape.radius_variation < config.stop_radius_variation:
+        if shape.radius_variation < config.stop_radius_variation and not self._folded(progress):
             return StopReason.CONVERGED, (
-                f"the radius variation {shape.radius_variation:.2e} is below {config.stop_radius_variation:g}"
+                f"the radius variation {shape.radius_variation:.2e} is below {config.stop_radius_variation:g}, "
+                "and no face looks inward"
             )
         if config.annealing is not None and config.step * progress.annealing < config.annealing.min_step:
             return StopReason.STALLED, (
@@ -280,6 +284,10 @@ class _Run:
             best_position=best[1],
             best_shape=best[2],
         )
+
+    def _folded(self, progress: Progress) -> bool:
+        """Whether a face looks towards the centroid: folds of little area, which no radius shows."""
+        return inward_faces(progress.position, self._topology.faces, progress.shape.centroid) > 0
 
     def _rescaling(self, shape: Shape) -> float:
         """Return the factor that restores the area or volume of the start."""

@@ -47,7 +47,7 @@ PRESETS: Final = {
                 step_bound=0.2,
                 relaxation=0.5,
                 relaxation_exponent=1.0,
-                momentum=0.9,
+                momentum=0.95,
                 rescale="area",
                 annealing=Annealing(patience=50, factor=0.5, min_step=1e-4),
                 stop_radius_variation=1e-3,

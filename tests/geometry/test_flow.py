@@ -71,6 +71,20 @@ class TestReasonsToStop:
         assert states[-1].metrics().radius_variation < 0.01
         assert states[-2].metrics().radius_variation >= 0.01
 
+    def test_a_folded_sphere_is_not_converged(self):
+        """All its vertices lie on the unit sphere, but one was pushed past a neighbour: faces look inward."""
+        mesh = icosphere(8)
+        V = mesh.vertices.copy()
+        ring = np.unique(mesh.faces[(mesh.faces == 0).any(axis=1)])
+        pushed = 2.5 * V[ring[1]] - 1.5 * V[0]
+        V[0] = pushed / np.linalg.norm(pushed)
+        folded = mesh.with_vertices(V)
+        states = run(folded, replace(ROBUST, iterations=500))
+        assert states[0].metrics().inward_faces > 0
+        assert states[-1].iteration > 0
+        assert states[-1].stop_reason is StopReason.CONVERGED
+        assert states[-1].metrics().inward_faces == 0
+
     @pytest.mark.parametrize("mesh", [icosphere(6), uneven_sphere(6), icosahedron(), octahedron()])
     def test_a_round_mesh_ends_at_once_as_converged(self, mesh):
         (only,) = run(mesh, ROBUST)
