@@ -83,6 +83,12 @@ class FlowState:
         return self._progress.iteration
 
     @property
+    def reached(self) -> int:
+        """Iterations the run has done: more than ``iteration`` after a collapse, which leads back to the best state."""
+        broke_at = self._progress.broke_at
+        return self._progress.iteration if broke_at is None else broke_at - 1
+
+    @property
     def vertices(self) -> Floats:
         """(n, 3) positions in the unit of the mesh, read-only, finite and not inside out."""
         return self._run.positions(self._progress.iteration, self._progress.position)

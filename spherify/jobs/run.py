@@ -80,7 +80,7 @@ class RunEnd:
         iteration: of the last state, which was kept.
         best_iteration: of the state of the highest sphericity, which was kept too unless the run was handed on.
         sphericity: of the last state.
-        progress: at the end.
+        progress: at the end; after a collapse it stands where the run broke, not at the state that was kept.
         rows: those not reported yet.
 
     """
@@ -215,7 +215,7 @@ class _Run:
             iteration=state.iteration,
             best_iteration=state.best.iteration,
             sphericity=state.sphericity,
-            progress=self._progress(state.iteration),
+            progress=self._progress(state.reached),
             rows=tuple(self._take_rows()),
         )
 

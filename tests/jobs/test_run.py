@@ -205,6 +205,7 @@ def test_a_collapse_fails_with_its_best_state_and_advice() -> None:
     assert outcome.result_iteration == outcome.best_iteration == end.iteration
     assert end.iteration in sink.snapshots
     assert max(sink.rows) > end.iteration  # the way into the collapse is recorded
+    assert end.progress.iteration == max(sink.rows)  # and the progress stays where it broke
     for content in sink.snapshots.values():
         assert np.isfinite(load_arrays(content)["vertices"]).all()
 
