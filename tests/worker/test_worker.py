@@ -33,8 +33,9 @@ def stack(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stack]:
     folder = tmp_path_factory.mktemp("worker")
     with started_stack(folder, workers=1, api=False) as stack:
         store_mesh(stack.stores.meshes, stack.stores.blobs, stone())
+        assert processes_of(folder)
         yield stack
-    assert descendants(os.getpid(), "worker") == []  # nothing is left behind
+    assert processes_of(folder) == []  # nothing is left behind
 
 
 @pytest.fixture(scope="module")
@@ -85,6 +86,19 @@ def runner_of(stack: Stack, job_id: str) -> int:
     """Return the process id of the runner that works on a job."""
     starts = [line for line in log_lines(stack, job_id) if line["action"] == "start"]
     return int(str(starts[-1]["message"]).rpartition(" ")[2])
+
+
+def processes_of(folder: Path) -> list[int]:
+    """Return the processes of this machine that were started to work in a data folder, orphans included."""
+    found = []
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdecimal() and int(entry.name) != os.getpid():
+            try:
+                if str(folder).encode() in (entry / "environ").read_bytes():
+                    found.append(int(entry.name))
+            except (FileNotFoundError, ProcessLookupError, PermissionError):
+                continue
+    return found
 
 
 def descendants(pid: int, word: str) -> list[int]:
