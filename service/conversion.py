@@ -13,10 +13,11 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from service.context import Services
-from service.delivery import IMMUTABLE, Content, deliver, matches, not_modified, strong_etag
+from service.delivery import IMMUTABLE, Content, deliver, file_name, matches, not_modified, strong_etag
 from service.problems import invalid
 from spherify import __version__
 from spherify.formats import InvalidExportError, media_type, safe_stem, write_mesh
+from spherify.formats.names import extension
 from spherify.geometry.mesh import TriangleMesh
 from spherify.jobs import layout
 from spherify.jobs.model import Job, MeshRecord, Snapshot
@@ -52,11 +53,12 @@ class Target:
 def original(request: Request, services: Services, record: MeshRecord) -> Response:
     """Answer with an uploaded file as it was."""
     blobs, key = services.stores.blobs, layout.mesh_original(record.id, record.format)
+    told = extension(record.name) == record.format
     content = Content(
         size=record.size,
         etag=f'"{record.sha256}"',
         media_type=media_type(record.format),
-        filename=record.name,
+        filename=record.name if told else file_name(record.name, f".{record.format}"),
         cache_control=IMMUTABLE,
         open=lambda: blobs.open(key),
     )
@@ -66,7 +68,7 @@ def original(request: Request, services: Services, record: MeshRecord) -> Respon
 async def converted_mesh(request: Request, services: Services, record: MeshRecord, form: Form) -> Response:
     """Answer with an accepted mesh in a format."""
     blobs = services.stores.blobs
-    target = Target(record.id, f"{safe_stem(record.name)}.{form.format}", IMMUTABLE)
+    target = Target(record.id, file_name(safe_stem(record.name), f".{form.format}"), IMMUTABLE)
     return await _converted(request, services, target, form, lambda: load_mesh(blobs, record.id))
 
 
@@ -81,7 +83,7 @@ async def converted_snapshot(
         vertices = load_arrays(blobs.read(snapshot.key))["vertices"]
         return load_mesh(blobs, job.spec.mesh_id).with_vertices(vertices)
 
-    name = f"{safe_stem(job.spec.name)}_it{snapshot.iteration:05d}.{form.format}"
+    name = file_name(job.spec.name, f"_it{snapshot.iteration:05d}.{form.format}")
     return await _converted(request, services, Target(snapshot.sha256, name, cache_control), form, load)
 
 

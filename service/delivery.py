@@ -20,6 +20,7 @@ from spherify.formats.names import safe_name
 IMMUTABLE: Final = "private, max-age=31536000, immutable"
 REVALIDATE: Final = "private, no-cache"
 _PIECE: Final = 256 * 1024
+_MAX_STEM: Final = (80, 160)  # characters, bytes in UTF-8: file systems take 255 bytes, and the tail must fit
 _RANGE: Final = re.compile(r"bytes=(\d{0,18})-(\d{0,18})")
 
 
@@ -104,6 +105,13 @@ def deliver(request: Request, content: Content, vary: str | None = None) -> Resp
     if request.scope.get("head"):  # no body is sent: do not open what may be large
         return Response(status_code=status, headers=headers, media_type=media_type)
     return StreamingResponse(_pieces(content.open(), start, end), status, headers, media_type)
+
+
+def file_name(stem: str, tail: str) -> str:
+    """Return a safe name for a download: what it is of, cut where it is long, and `tail` whole."""
+    characters, octets = _MAX_STEM
+    cut = safe_name(stem)[:characters].encode()[:octets].decode(errors="ignore")
+    return cut + tail
 
 
 def disposition(filename: str) -> str:

@@ -12,7 +12,7 @@ from fastapi import APIRouter, Request, Response
 from service import documentation as doc
 from service.context import Context
 from service.conversion import Ascii, Form, Precision, converted_snapshot
-from service.delivery import REVALIDATE, Content, deliver, json_answer, strong_etag
+from service.delivery import REVALIDATE, Content, deliver, file_name, json_answer, strong_etag
 from service.identifiers import JobId, MeshFormat, Which
 from service.schemas import (
     MetricsOut,
@@ -24,7 +24,7 @@ from service.schemas import (
     snapshots_out,
 )
 from service.snapshots import find, negotiate, retry_after_s
-from spherify.formats import FORMATS_OUT, safe_stem
+from spherify.formats import FORMATS_OUT
 
 router = APIRouter(prefix="/v1/jobs/{job_id}", tags=["Snapshots"])
 VARY = "Accept"
@@ -168,7 +168,7 @@ def get_metrics_csv(request: Request, context: Context, job_id: JobId) -> Respon
         size=len(data),
         etag=strong_etag(data),
         media_type="text/csv",
-        filename=f"{safe_stem(job.spec.name)}_metrics.csv",
+        filename=file_name(job.spec.name, "_metrics.csv"),
         cache_control=REVALIDATE,
         open=lambda: io.BytesIO(data),
     )

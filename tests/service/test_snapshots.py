@@ -6,6 +6,7 @@ import shutil
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
+from urllib.parse import unquote
 
 import httpx
 import numpy as np
@@ -15,7 +16,7 @@ from service.conversion import load_mesh
 from spherify.formats import read_mesh
 from spherify.jobs.model import JobStatus
 from spherify.stores.connect import Stores
-from tests.service.conftest import Hand, problem
+from tests.service.conftest import OCTAHEDRON, Hand, problem
 
 Submit = Callable[..., Hand]
 MEDIA = {
@@ -207,6 +208,29 @@ def test_the_file_name_tells_and_is_safe(
     assert "\\" not in disposition
     if extended is not None:
         assert disposition == f'attachment; filename="{ascii_part}"{extended}'
+
+
+def test_jobs_on_scans_that_differ_in_a_dotted_number_are_told_apart(client: httpx.Client) -> None:
+    """`scan.1.obj` is the scan `scan.1`, in the job as in its downloads."""
+    answer = client.post("/v1/jobs", files={"file": ("scan.1.obj", OCTAHEDRON)}, data={"iterations": "1"})
+    job = answer.json()
+    assert job["name"] == "scan.1"
+    csv_name = client.head(job["links"]["metrics_csv"]).headers["content-disposition"]
+    assert csv_name == 'attachment; filename="scan.1_metrics.csv"'
+
+
+@pytest.mark.parametrize("name", ["x" * 120, "猫" * 120, "🐈é" * 60, "猫" * 60 + "." + "猫" * 59])
+def test_a_long_name_loses_neither_its_iteration_nor_its_format(
+    client: httpx.Client, submitted: Submit, name: str
+) -> None:
+    """And fits into the 255 bytes that a file system has for it."""
+    hand = submitted(name=name).claim().reach(0).reach(100)
+    for iteration in (0, 100):
+        header = client.head(url(hand, f"{iteration}.ply")).headers["content-disposition"]
+        plain, _, extended = header.removeprefix('attachment; filename="').partition('"')
+        for saved in filter(None, (plain, unquote(extended.removeprefix("; filename*=UTF-8''")))):
+            assert saved.endswith(f"_it{iteration:05d}.ply")
+            assert len(saved.encode()) <= 255
 
 
 def test_what_is_not_reached_yet_is_not_ready(client: httpx.Client, running: Hand) -> None:
