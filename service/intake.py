@@ -16,7 +16,7 @@ from spherify.formats import ReadLimits, read_mesh
 from spherify.formats.names import safe_name
 from spherify.jobs import layout
 from spherify.jobs.codec import dump_record, load_mesh_record
-from spherify.jobs.errors import BlobExistsError, MeshNotFoundError, StoreUnavailableError
+from spherify.jobs.errors import BlobExistsError, MeshNotFoundError, StorageFullError, StoreUnavailableError
 from spherify.jobs.model import MeshRecord
 from spherify.stores.arrays import dump_arrays
 
@@ -63,9 +63,18 @@ class Intake:
 
     def _known(self, identifier: str) -> MeshRecord | None:
         try:
-            return self._meshes.get(identifier)
+            record = self._meshes.get(identifier)
         except MeshNotFoundError:
             return None
+        return record if self._whole(record) else None
+
+    def _whole(self, record: MeshRecord) -> bool:
+        keys = (
+            layout.mesh_original(record.id, record.format),
+            layout.mesh_arrays(record.id),
+            layout.mesh_record(record.id),
+        )
+        return all(self._blobs.stat(key) is not None for key in keys)
 
     def _read(self, upload: Upload, allow: frozenset[str]) -> tuple[MeshRecord, bool]:
         read = read_mesh(upload.path, upload.name, allow=allow, limits=self._limits)
@@ -84,20 +93,21 @@ class Intake:
 
     def _keep(self, record: MeshRecord, arrays: bytes, upload: Upload) -> tuple[MeshRecord, bool]:
         """Write the files, the record's last, then record it; what another upload wrote already stays."""
-        with suppress(BlobExistsError):  # by the same bytes, a moment earlier
-            self._blobs.adopt(layout.mesh_original(record.id, record.format), upload.path)
-        with suppress(BlobExistsError):
-            self._blobs.create(layout.mesh_arrays(record.id), arrays)
-        with suppress(BlobExistsError):
-            self._blobs.create(layout.mesh_record(record.id), dump_record(record).encode())
+        original = layout.mesh_original(record.id, record.format)
+        ours: list[str] = []
+        try:
+            with suppress(BlobExistsError):  # by the same bytes, a moment earlier
+                ours.append(self._blobs.adopt(original, upload.path).key)
+            with suppress(BlobExistsError):
+                ours.append(self._blobs.create(layout.mesh_arrays(record.id), arrays).key)
+            with suppress(BlobExistsError):
+                self._blobs.create(layout.mesh_record(record.id), dump_record(record).encode())
+        except StorageFullError:  # nothing names these files yet, and they would keep the disk full
+            for key in ours:
+                self._blobs.delete(key)
+            raise
         kept = load_mesh_record(self._blobs.read(layout.mesh_record(record.id)))
         new = self._meshes.add(kept)
-        files = (
-            layout.mesh_original(kept.id, kept.format),
-            layout.mesh_arrays(kept.id),
-            layout.mesh_record(kept.id),
-        )
-        for key in files:
-            if self._blobs.stat(key) is None:  # the same mesh was being deleted
-                raise StoreUnavailableError("this mesh was deleted at the same moment: send it again")
+        if not self._whole(kept):  # the same mesh was being deleted
+            raise StoreUnavailableError("this mesh was deleted at the same moment: send it again")
         return kept, new

@@ -1,13 +1,20 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import httpx
 import pytest
 
+from spherify.jobs import layout
+from spherify.jobs.errors import StorageFullError
+from spherify.jobs.ports import BlobStat
+from spherify.settings import Settings
+from spherify.stores.blobs import FolderBlobStore
 from spherify.stores.connect import Stores
-from tests.service.conftest import OCTAHEDRON, OPEN, data_files, problem, stretched
+from tests.service.conftest import OCTAHEDRON, OPEN, data_files, problem, serve, stretched
 from tests.shared import shared_mesh
 
 
@@ -164,3 +171,39 @@ def test_names_are_made_safe(client: httpx.Client, stores: Stores, name: str, ke
     assert disposition.isascii()
     assert '"' not in disposition.removeprefix('attachment; filename="').split('"; filename')[0].rstrip('"')
     assert all(path.startswith(f"meshes/{mesh['id']}/") for path in data_files(stores.blobs.root))
+
+
+class NearlyFull(FolderBlobStore):
+    """A disk with room for the upload and for nothing after it."""
+
+    def create(self, key: str, chunks: bytes | Iterable[bytes]) -> BlobStat:
+        raise StorageFullError(f"there is no space left to store {key}")
+
+
+def test_a_disk_that_fills_up_in_the_middle_keeps_nothing(settings: Settings, stores: Stores) -> None:
+    with serve(settings, replace(stores, blobs=NearlyFull(stores.blobs.root))) as url:
+        answer = httpx.put(f"{url}/v1/meshes?name=o.obj", content=OCTAHEDRON, timeout=30)
+    problem(answer, 507, "storage-full")
+    assert data_files(stores.blobs.root) == set()
+
+
+def test_a_mesh_whose_files_were_lost_is_mended_by_sending_it_again(
+    client: httpx.Client, stores: Stores
+) -> None:
+    mesh = upload(client).json()
+    stores.blobs.delete(layout.mesh_arrays(mesh["id"]))
+    again = upload(client)
+    assert again.status_code == 200
+    assert again.json() == mesh
+    assert client.get(mesh["links"]["ply"]).status_code == 200
+
+
+@pytest.mark.parametrize(
+    ("name", "saved"), [("cat", "cat.obj"), ("cat.png", "cat.png.obj"), ("Cat.OBJ", "Cat.OBJ")]
+)
+def test_an_upload_is_downloaded_under_a_name_that_tells_its_format(
+    client: httpx.Client, name: str, saved: str
+) -> None:
+    mesh = upload(client, stretched(3), name=name).json()
+    header = client.head(mesh["links"]["content"]).headers["content-disposition"]
+    assert header == f'attachment; filename="{saved}"'
