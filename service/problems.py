@@ -28,6 +28,7 @@ from spherify.jobs.errors import (
 )
 
 MEDIA_TYPE: Final = "application/problem+json"
+MAX_ERRORS: Final = 100  # listed: a wrong request of a megabyte need not get an answer of ten
 
 
 @dataclass(frozen=True, slots=True)
@@ -293,10 +294,10 @@ def invalid(pointer: str, code: str, detail: str) -> ProblemError:
 
 
 def invalid_many(errors: Sequence[FieldError]) -> ProblemError:
-    """Return `invalid-parameters` for several values."""
+    """Return `invalid-parameters` for several values, the first of them listed."""
     first = f"{errors[0].pointer}: {errors[0].detail}"
     more = f" ({len(errors) - 1} more in `errors`)" if len(errors) > 1 else ""
-    listed = tuple({"pointer": e.pointer, "code": e.code, "detail": e.detail} for e in errors)
+    listed = tuple({"pointer": e.pointer, "code": e.code, "detail": e.detail} for e in errors[:MAX_ERRORS])
     return ProblemError("invalid-parameters", first + more, listed)
 
 
@@ -306,12 +307,20 @@ def invalid_model(error: ValidationError, prefix: str = "#") -> ProblemError:
     if found[0]["type"] == "json_invalid":
         return ProblemError("malformed-json", found[0]["msg"])
     return invalid_many(
-        [FieldError("/".join((prefix, *map(_token, e["loc"]))), e["type"], e["msg"]) for e in found]
+        [
+            FieldError(
+                "/".join((prefix, *map(_token, e["loc"]))), e["type"], _PLAINER.get(e["type"], e["msg"])
+            )
+            for e in found
+        ]
     )
 
 
+_PLAINER: Final = {"extra_forbidden": "unknown; /docs and /v1/parameters list the names"}
+
+
 def _token(part: str | int) -> str:
-    return str(part).replace("~", "~0").replace("/", "~1")  # RFC 6901
+    return str(part)[:80].replace("~", "~0").replace("/", "~1")  # RFC 6901
 
 
 _DOMAIN: Final[tuple[tuple[type[Exception], str], ...]] = (

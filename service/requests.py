@@ -6,7 +6,7 @@ A form is translated into the JSON and checked as such, so that there is one des
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, Final
 
@@ -55,7 +55,7 @@ class JobRequest(BaseModel):
         },
     )
 
-    mesh_id: Annotated[str, Field(description="From `POST /v1/meshes`.")]
+    mesh_id: Annotated[str, Field(max_length=64, description="From `POST /v1/meshes`.")]
     preset: Annotated[
         str,
         Field(
@@ -155,7 +155,7 @@ def parse_form(fields: Mapping[str, Sequence[str]], mesh_id: str | None) -> JobR
     try:
         return JobRequest.model_validate_json(json.dumps(request), strict=True)
     except ValidationError as e:
-        raise _as_form(invalid_model(e, "form"), own) from e
+        raise _as_form(invalid_model(e), own) from e
 
 
 def parse_allow(values: Sequence[str], pointer: str) -> frozenset[str]:
@@ -189,6 +189,14 @@ def plan(request: JobRequest, settings: Settings) -> JobPlan:
         raise invalid("#/snapshots", "plan", str(e)) from e
     tags = tuple(dict.fromkeys(request.tags or ()))
     return JobPlan(request.preset, parameters, snapshots, request.name, tags)
+
+
+def plan_form(request: JobRequest, fields: Collection[str], settings: Settings) -> JobPlan:
+    """Check a request that came in these form fields; raises `invalid-parameters`."""
+    try:
+        return plan(request, settings)
+    except ProblemError as e:
+        raise _as_form(e, fields) from e
 
 
 def _overrides(request: JobRequest) -> dict[str, Any]:
@@ -230,11 +238,11 @@ def _words(values: Sequence[str]) -> list[str]:
     return [word.strip() for value in values for word in value.split(",") if word.strip()]
 
 
-def _as_form(problem: ProblemError, own: Mapping[str, Any]) -> ProblemError:
+def _as_form(problem: ProblemError, own: Collection[str]) -> ProblemError:
     """Let the pointers name the form's fields."""
     errors = []
     for error in problem.errors:
-        pointer = str(error["pointer"])
+        pointer = str(error["pointer"]).replace("#", "form", 1)
         inner = pointer.removeprefix("form/parameters/")
         if inner != pointer and inner.split("/")[0] in own:
             pointer = f"form/{inner}"

@@ -17,7 +17,7 @@ from service.forms import FORM, media_type, multipart
 from service.identifiers import JobId
 from service.paging import DEFAULT_LIMIT, Cursor, Limit, link_header, links
 from service.problems import ProblemError, invalid
-from service.requests import TAG, JobPlan, JobRequest, parse_allow, parse_form, parse_json, plan
+from service.requests import TAG, JobPlan, parse_allow, parse_form, parse_json, plan, plan_form
 from service.schemas import JobOut, PageOut, job_out
 from service.snapshots import retry_after_s
 from service.uploads import small_body
@@ -49,10 +49,9 @@ def _submit(services: Services, planned: JobPlan, mesh: MeshRecord, name: str | 
     return job
 
 
-def _submit_known(services: Services, job: JobRequest, pointer: str) -> Job:
-    planned = plan(job, services.settings)
+def _submit_known(services: Services, planned: JobPlan, mesh_id: str, pointer: str) -> Job:
     try:
-        mesh = services.stores.meshes.get(job.mesh_id)
+        mesh = services.stores.meshes.get(mesh_id)
         return _submit(services, planned, mesh)  # which finds out if it was deleted meanwhile
     except MeshNotFoundError as e:
         raise invalid(pointer, "unknown", str(e)) from e
@@ -88,7 +87,9 @@ async def create_job(request: Request, context: Context) -> Response:
     kind = media_type(request)
     if kind == "application/json":
         text = await small_body(request, MAX_JSON_BYTES, context.settings.upload_timeout_s)
-        job = await to_thread.run_sync(_submit_known, context, parse_json(text), "#/mesh_id")
+        asked = parse_json(text)
+        planned = plan(asked, context.settings)
+        job = await to_thread.run_sync(_submit_known, context, planned, asked.mesh_id, "#/mesh_id")
     elif kind == FORM:
         job = await _from_form(request, context)
     else:
@@ -100,10 +101,10 @@ async def create_job(request: Request, context: Context) -> Response:
 
 async def _from_form(request: Request, services: Services) -> Job:
     async with multipart(request, services.stores.blobs, services.settings) as form:
+        asked = parse_form(form.fields, None if form.file is None else NO_MESH)
+        planned = plan_form(asked, form.fields, services.settings)
         if form.file is None:
-            asked = parse_form(form.fields, None)
-            return await to_thread.run_sync(_submit_known, services, asked, "form/mesh_id")
-        planned = plan(parse_form(form.fields, NO_MESH), services.settings)
+            return await to_thread.run_sync(_submit_known, services, planned, asked.mesh_id, "form/mesh_id")
         allow = parse_allow(form.fields.get("allow", ()), "form/allow")
         mesh, _ = await services.intake.accept(form.file, allow)
         try:
@@ -218,4 +219,5 @@ def remove_job(context: Context, job_id: JobId) -> Response:
 def _seconds(time: datetime | None) -> float | None:
     if time is None:
         return None
-    return (time if time.tzinfo is not None else time.replace(tzinfo=UTC)).timestamp()
+    seconds = (time if time.tzinfo is not None else time.replace(tzinfo=UTC)).timestamp()
+    return max(seconds, 0.0)  # identifiers hold times, and none before the epoch

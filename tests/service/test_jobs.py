@@ -141,7 +141,11 @@ def test_wrong_values_are_named(
         ({"mesh_id": "mesh_" + "0" * 26}, "form/file"),
         ({"name": "a\x00b"}, "form/name"),
         ({"momentum": "NaN"}, "form/momentum"),
-        ({"snapshots": "every:0"}, "#/snapshots"),
+        ({"snapshots": "every:0"}, "form/snapshots"),
+        ({"preset": "round"}, "form/preset"),
+        ({"iterations": "2000000"}, "form/iterations"),
+        ({"step": "-1"}, "form/step"),
+        ({"parameters": '{"step": -1}'}, "form/parameters/step"),
     ],
 )
 def test_wrong_form_fields_are_named(
@@ -153,6 +157,29 @@ def test_wrong_form_fields_are_named(
     assert isinstance(errors, list)
     assert errors[0]["pointer"] == pointer
     assert data_files(stores.blobs.root) == set(), "nothing is read or kept before the values are checked"
+
+
+@pytest.mark.parametrize(
+    "request_body",
+    [
+        {"mesh_id": "x" * 900_000},
+        {"mesh_id": "x", "y" * 900_000: 1},
+        {"mesh_id": "x", **{f"member{n}": 1 for n in range(20_000)}},
+        {"mesh_id": "x", "tags": ["two words"] * 20_000},
+    ],
+)
+def test_a_large_wrong_request_gets_a_small_answer(
+    client: httpx.Client, request_body: dict[str, object]
+) -> None:
+    answer = client.post("/v1/jobs", json=request_body)
+    problem(answer, 422, "invalid-parameters")
+    assert len(answer.content) < 30_000
+
+
+def test_a_misspelt_name_is_told_where_the_right_ones_are(client: httpx.Client, known: str) -> None:
+    answer = client.post("/v1/jobs", json={"mesh_id": known, "parameters": {"steps": 1}})
+    document = problem(answer, 422, "invalid-parameters")
+    assert document["detail"] == "#/parameters/steps: unknown; /docs and /v1/parameters list the names"
 
 
 def test_a_field_sent_twice_is_refused(client: httpx.Client) -> None:
@@ -290,6 +317,15 @@ def test_wrong_filters_are_named(client: httpx.Client, query: str) -> None:
     errors = document["errors"]
     assert isinstance(errors, list)
     assert errors[0]["pointer"] == f"query/{query.split('=', maxsplit=1)[0]}"
+
+
+@pytest.mark.parametrize(
+    "time", ["0001-01-01T00:00:00+14:00", "1969-12-31T23:59:59Z", "1970-01-01T00:00:00Z"]
+)
+def test_every_job_was_made_after_a_time_long_ago(client: httpx.Client, submitted: Submit, time: str) -> None:
+    job_id = submitted().job_id
+    answer = client.get("/v1/jobs", params={"created_after": time})
+    assert [job["id"] for job in answer.json()["items"]] == [job_id]
 
 
 def test_a_waiting_job_is_cancelled_at_once_and_again(client: httpx.Client, submitted: Submit) -> None:
