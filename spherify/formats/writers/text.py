@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 
 from spherify.geometry.mesh import TriangleMesh
 
-_ROWS = 1 << 16  # of one go: enough to be quick, few enough to keep the detour through Python's objects small
+_ROWS = (
+    1 << 12
+)  # of one go: enough to be quick, few enough that other threads get the interpreter within some 10 ms
 
 
 def rows(values: NDArray[np.generic], template: str) -> Iterator[bytes]:
