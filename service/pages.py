@@ -39,9 +39,13 @@ def landing(base_url: str) -> str:
         f"""<h1>Spherify</h1>
 <p>A service that morphs closed triangle meshes into round spheres by Vartziotis's curvature transformation
 (<a href="https://arxiv.org/abs/1608.03898">arXiv:1608.03898</a>). Version {__version__}.</p>
-<pre>curl -F file=@bunny.obj -F iterations=5000 -F snapshots=100,500,1000 {base}/v1/jobs
-curl {base}/v1/jobs/job_…                                  # how far it is
-curl -OJ {base}/v1/jobs/job_…/snapshots/latest.ply         # the mesh as it is now</pre>
+<p>Send a mesh; the answer is a job, and its <code>id</code> goes in the place of <code>$JOB</code>:</p>
+<pre># morph bunny.obj, and keep three states on the way
+curl -F file=@bunny.obj -F snapshots=10,50,100 {base}/v1/jobs
+# how far it is
+curl {base}/v1/jobs/$JOB
+# the mesh as it is now; final.ply when it is done
+curl -OJ {base}/v1/jobs/$JOB/snapshots/latest.ply</pre>
 <ul><li><a href="/docs">Documentation of every address</a> (<a href="/openapi.json">OpenAPI</a>)</li>
 <li><a href="/problems">Every problem the service answers with</a></li>
 <li><a href="/v1/jobs">Jobs</a>, <a href="/v1/meshes">meshes</a>, <a href="/v1/presets">presets</a>,
