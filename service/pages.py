@@ -106,7 +106,7 @@ def documentation(openapi: dict[str, Any]) -> str:
 
 def _operation(method: str, path: str, operation: dict[str, Any]) -> str:
     rows = "".join(
-        f"<tr><td><code>{html.escape(p['name'])}</code> ({p['in']})<td>{_type(p['schema'])}"
+        f"<tr><td><code>{html.escape(p['name'])}</code> ({p['in']})<td>{_value(p['schema'])}"
         f"<td>{_prose(p.get('description', ''))}</tr>"
         for p in operation.get("parameters", ())
     )
@@ -137,10 +137,17 @@ def _properties(schema: dict[str, Any]) -> str:
     if "$ref" in schema:
         return f"<p>{_type(schema)}</p>"
     rows = "".join(
-        f"<tr><td><code>{html.escape(name)}</code><td>{_type(inner)}<td>{_prose(inner.get('description', ''))}</tr>"
+        f"<tr><td><code>{html.escape(name)}</code><td>{_value(inner)}<td>{_prose(inner.get('description', ''))}</tr>"
         for name, inner in schema.get("properties", {}).items()
     )
     return f"<table>{rows}</table>" if rows else f"<p>{_type(schema)}</p>"
+
+
+def _value(schema: dict[str, Any]) -> str:
+    """Return what a value may be, and what it is when none is given."""
+    default = schema.get("default")
+    told = "" if default is None else f"<br>by default <code>{html.escape(json.dumps(default))}</code>"
+    return _type(schema) + told
 
 
 def _type(schema: dict[str, Any]) -> str:

@@ -69,7 +69,10 @@ class JobRequest(BaseModel):
     ] = None
     iterations: Annotated[
         int | None,
-        Field(ge=0, description="Short for `parameters.iterations`: iterations at most."),
+        Field(
+            ge=0,
+            description="Short for `parameters.iterations`: iterations at most; the preset's by default.",
+        ),
     ] = None
     snapshots: Annotated[
         str | Annotated[list[Annotated[int, Field(ge=0)]], Field(max_length=1000)] | None,

@@ -80,7 +80,7 @@ def _submit_known(services: Services, planned: JobPlan, mesh_id: str, pointer: s
 async def create_job(request: Request, context: Context) -> Response:
     """Upload a mesh and have it morphed in one go, or name a mesh that is known already.
 
-    As a form: `curl -F file=@bunny.obj -F iterations=5000 -F snapshots=100,500,1000 …/v1/jobs`; every parameter can
+    As a form: `curl -F file=@bunny.obj -F iterations=1000 -F snapshots=10,50,100 …/v1/jobs`; every parameter can
     be a field of its own (`-F step=0.02`), or all in `parameters` as JSON. As JSON: the same names, with `mesh_id`.
     The answer is the whole job; follow `links.self` until `done`.
     """

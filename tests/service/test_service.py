@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import ast
+import html
 import json
 import logging
 import os
@@ -93,6 +94,13 @@ def test_the_documentation_names_every_operation(client: httpx.Client) -> None:
     for path, methods in client.get("/openapi.json").json()["paths"].items():
         for method in methods:
             assert f"{method.upper()} {path}" in page
+
+
+def test_the_pages_name_the_defaults(client: httpx.Client) -> None:
+    page = client.get("/docs").text
+    for name, value in (("preset", "robust"), ("precision", "double"), ("limit", 50)):
+        row = page.split(f"<code>{name}</code>", maxsplit=1)[1].split("</tr>")[0]
+        assert f"by default <code>{html.escape(json.dumps(value))}</code>" in row
 
 
 def test_links_of_the_landing_page_lead_somewhere(client: httpx.Client) -> None:
