@@ -20,7 +20,7 @@ from spherify.cli.interruption import interruptible
 from spherify.formats import FORMATS_OUT, write_mesh
 from spherify.geometry.errors import GeometryError, InvalidConfigError
 from spherify.geometry.flow import StopReason
-from spherify.geometry.kernels import get_engine
+from spherify.geometry.kernels import ENGINES, get_engine
 from spherify.geometry.mesh import TriangleMesh
 from spherify.geometry.presets import DEFAULT_PRESET
 from spherify.geometry.schedule import SnapshotPlan
@@ -47,7 +47,7 @@ def morph(
         list[str] | None,
         typer.Option("--set", metavar="NAME=VALUE", help="Change one parameter; repeatable."),
     ] = None,
-    engine: Annotated[str, typer.Option(help="Who computes.")] = "reference",
+    engine: Annotated[str, typer.Option(help=f"Who computes: {' or '.join(ENGINES)}.")] = "reference",
     threads: Annotated[int, typer.Option(min=1, help="Threads it computes with.")] = 1,
     allow: Annotated[
         list[str] | None,
@@ -73,8 +73,8 @@ def morph(
         plan = SnapshotPlan.parse(snapshots, parameters.iterations)
     except InvalidConfigError as e:
         fail(str(e), REFUSED)
-    if threads > 1 and engine == "reference":
-        fail("the reference engine computes with one thread: leave --threads out", REFUSED)
+    if threads > 1:
+        fail(f"the {engine} engine computes with one thread: leave --threads out", REFUSED)
     mesh = mesh_of(source, allow or [])
 
     with progress_bar() as bars, interruptible() as interrupted:

@@ -109,7 +109,8 @@ def dihedral_angles(V: Floats, edges: Ints, edge_faces: Ints, face_normals: Floa
     along = normalised(gather(V, edges[:, 1]) - gather(V, edges[:, 0]))
     n_f = gather(face_normals, edge_faces[:, 0])
     n_g = gather(face_normals, edge_faces[:, 1])
-    return np.arctan2(dot(cross(n_f, n_g), along), dot(n_f, n_g))
+    # Adding 0 makes 0 of -0, which a zero normal can give: the angle is then 0, and not π.
+    return np.arctan2(dot(cross(n_f, n_g), along), dot(n_f, n_g) + 0.0)
 
 
 def area_centroid(V: Floats, F: Ints, areas: Floats) -> Floats:

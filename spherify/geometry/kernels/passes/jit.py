@@ -1,0 +1,53 @@
+"""How the passes are compiled, and where the machine code is kept.
+
+Compiled code is kept beside the sources in ``__pycache__``, or, where that cannot be written, in numba's cache folder
+of the user; ``NUMBA_CACHE_DIR`` names another place. Where none of them can be written, every process compiles anew.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+from numba import njit
+from numba.core.compiler import Compiler
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+class _Apart(Compiler):
+    """Compiles functions whose array arguments never overlap, and says so to LLVM (``noalias``)."""
+
+    def __init__(self, *arguments: object) -> None:
+        super().__init__(*arguments)  # type: ignore[no-untyped-call] # numba has no types
+        self.state.flags.noalias = True
+
+
+_OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True}
+
+
+def inner(function: F) -> F:
+    """Compile a pass whose array arguments never overlap; it is kept within the entries that call it."""
+    return cast(F, njit(pipeline_class=_Apart, **_OPTIONS)(function))
+
+
+def entry(function: F) -> F:
+    """Compile a function that Python calls, and keep its machine code for the next process."""
+    try:
+        compiled = njit(cache=True, **_OPTIONS)(function)
+    except RuntimeError:  # there is no place to keep it: a read-only installation, and a user without a home
+        return cast(F, njit(**_OPTIONS)(function))
+    # numba compares the file of the entry only with that of the kept code, not the files of what it calls.
+    compiled._cache._cache_file._source_stamp = _sources()
+    return cast(F, compiled)
+
+
+@cache
+def _sources() -> str:
+    digest = hashlib.sha256()
+    for path in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()

@@ -1,0 +1,242 @@
+"""The compiled engine does what the reference does, in every mode, on every kind of mesh."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from spherify.formats import read_mesh
+from spherify.geometry.config import FlowConfig, Stage
+from spherify.geometry.errors import InvalidConfigError
+from spherify.geometry.flow import StopReason, flow
+from spherify.geometry.frame import Frame
+from spherify.geometry.kernels import ENGINES, get_engine
+from spherify.geometry.mesh import TriangleMesh
+from spherify.geometry.presets import PRESETS
+from spherify.geometry.samples import SAMPLES
+from spherify.geometry.topology import Topology
+from tests.geometry.shapes import (
+    ROUNDING,
+    icosahedron,
+    jittered,
+    octahedron,
+    open_bump,
+    sample,
+    small_samples,
+    tetrahedron,
+    torus,
+)
+from tests.geometry.test_against_naive import MEASURES, MODES
+from tests.shared import shared_mesh
+
+ROBUST = PRESETS["robust"].config
+MESHES = {
+    **small_samples(),
+    **{f"{name}, 1,500": sample(name, 1500) for name in SAMPLES},
+    "torus, 6,000": torus(100, 60),
+    "open, 900": open_bump(30),
+}
+SHARED = (
+    "spot.obj",
+    "216Kleopatra.obj",
+    "cylinder.stl",
+    "sharp_sphere.off",
+    "cat-low-resolution.obj",
+    "sphere.3mf",
+)
+
+
+def both(mesh: TriangleMesh, config: FlowConfig):
+    topology = Topology.of(len(mesh.vertices), mesh.faces)
+    return tuple(get_engine(name).prepare(topology, config) for name in ("reference", "compiled"))
+
+
+def assert_same_step(mesh: TriangleMesh, config: FlowConfig, tolerance: float = ROUNDING):
+    """One elementary step each way, from the same place, and one T."""
+    V = Frame.around(mesh.vertices).inside(mesh.vertices)
+    reference, compiled = both(mesh, config)
+    step = 0.05 * reference.shape(V).mean_edge
+    for stage in (Stage(1, 1, 0), Stage(1, 0, 1)):
+        expected = reference.transform(V, stage, step, config.relaxation)
+        actual = compiled.transform(V, stage, step, config.relaxation)
+        assert expected is not None
+        assert actual is not None
+        assert np.abs(expected - V).max() > 1e-6, "the mesh has to move for the comparison to mean anything"
+        assert np.abs(actual - expected).max() <= tolerance * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("measure", MEASURES)
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("name", MESHES)
+def test_one_step(name, mode, measure):
+    assert_same_step(MESHES[name], FlowConfig(iterations=1, measure=measure, **MODES[mode]))
+
+
+@pytest.mark.parametrize("name", ["open", "open, 900"])
+def test_a_free_boundary(name):
+    assert_same_step(MESHES[name], FlowConfig(iterations=1, boundary="free", **MODES["everything"]))
+
+
+@pytest.mark.parametrize("preset", ["paper", "robust"])
+@pytest.mark.parametrize("name", SHARED)
+def test_real_meshes(name, preset):
+    mesh = read_mesh(shared_mesh(name), name).mesh
+    assert_same_step(mesh, PRESETS[preset].config)
+
+
+@pytest.mark.parametrize("window", [(0, 100), (30, 70), (0.1, 99.9), (50, 50.001), (12.5, 87.5), (99, 100)])
+@pytest.mark.parametrize("n", [4, 5, 48, 50, 3000])
+@pytest.mark.parametrize("kind", ["even", "one far", "all but one equal", "few values", "tiny", "huge"])
+def test_percentiles(kind, n, window):
+    from spherify.geometry.kernels.passes.selection import BINS, percentile
+
+    rng = np.random.default_rng(n)
+    K = {
+        "even": lambda: rng.standard_normal(n),
+        "one far": lambda: np.append(rng.standard_normal(n - 1), 1e12),
+        "all but one equal": lambda: np.append(np.full(n - 1, 3.25), -1.0),
+        "few values": lambda: np.append(rng.integers(0, 3, n - 1) / 3, 2.0),
+        "tiny": lambda: np.append(rng.integers(0, 100, n - 1) * 5e-324, 5e-322),
+        "huge": lambda: np.append(0.9e308 * rng.uniform(-1, 1, n - 1), 0.95e308),
+    }[kind]()
+    scratch = np.empty((2, n))
+    for percent in window:
+        actual = percentile(
+            K, K.min(), K.max(), float(percent), scratch[0], scratch[1], np.empty(BINS, dtype=np.int64)
+        )
+        with np.errstate(over="ignore"):
+            assert actual == np.percentile(K, percent)
+
+
+@pytest.mark.parametrize("name", MESHES)
+def test_shape(name):
+    mesh = MESHES[name]
+    for V in (mesh.vertices, jittered(mesh, 0.01).vertices + 3.0):
+        one, other = (kernel.shape(V) for kernel in both(mesh, ROBUST))
+        assert other.area == pytest.approx(one.area, rel=ROUNDING)
+        assert other.volume == pytest.approx(one.volume, rel=1e-10)
+        assert other.mean_edge == pytest.approx(one.mean_edge, rel=ROUNDING)
+        assert other.radius_variation == pytest.approx(one.radius_variation, rel=ROUNDING, abs=1e-14)
+        np.testing.assert_allclose(other.centroid, one.centroid, rtol=0, atol=1e-13)
+
+
+def test_a_mesh_without_area():
+    mesh = tetrahedron()
+    V = np.zeros((4, 3))
+    one, other = (kernel.shape(V) for kernel in both(mesh, ROBUST))
+    assert (other.area, other.volume, other.radius_variation) == (one.area, one.volume, one.radius_variation)
+
+
+@pytest.mark.parametrize("build", [tetrahedron, octahedron, icosahedron])
+def test_constant_curvature(build):
+    for kernel in both(build(), PRESETS["paper"].config):
+        assert kernel.transform(np.array(build().vertices), Stage(1, 1, 1), 0.1, 0.0) is None
+
+
+@pytest.mark.parametrize("measure", MEASURES)
+def test_degenerate_faces(measure):
+    """Faces folded to a line, to a point and onto their neighbours."""
+    mesh = sample("stone", 200)
+    V = np.array(mesh.vertices)
+    F = mesh.faces
+    V[F[0, 1]] = V[F[0, 0]]
+    V[F[50]] = V[F[50]].mean(axis=0)
+    V[F[90, 2]] = (V[F[90, 0]] + V[F[90, 1]]) / 2
+    for mode in MODES:
+        config = FlowConfig(iterations=1, measure=measure, **MODES[mode])
+        reference, compiled = both(mesh, config)
+        expected = reference.transform(V, Stage(1, 1, 0), 0.01, config.relaxation)
+        actual = compiled.transform(V, Stage(1, 1, 0), 0.01, config.relaxation)
+        assert np.isfinite(expected).all()
+        assert np.abs(actual - expected).max() <= 1e-11
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e200])
+@pytest.mark.parametrize("mode", ["paper", "everything"])
+def test_positions_that_are_no_numbers(value, mode):
+    mesh = sample("stone", 200)
+    V = np.array(mesh.vertices)
+    V[7, 1] = value
+    config = FlowConfig(iterations=1, **MODES[mode])
+    with np.errstate(all="ignore"):
+        expected, actual = (
+            kernel.transform(V, Stage(1, 2, 1), 0.01, config.relaxation) for kernel in both(mesh, config)
+        )
+    assert (actual is None) == (expected is None)
+    if expected is not None:
+        assert (np.isfinite(actual) == np.isfinite(expected)).all()
+
+
+def test_same_bytes_twice_and_in_any_layout():
+    mesh = sample("head", 1500)
+    one = both(mesh, ROBUST)[1]
+    other = both(mesh, ROBUST)[1]
+    V = np.array(mesh.vertices)
+    kept = V.copy()
+    first = one.transform(V, Stage(1, 2, 2), 0.01, 0.5)
+    one.transform(V * 1.1, Stage(1, 2, 2), 0.01, 0.5)
+    assert (kept == V).all(), "what is handed in stays as it is"
+    for again in (
+        one.transform(V, Stage(1, 2, 2), 0.01, 0.5),
+        other.transform(np.asfortranarray(V), Stage(1, 2, 2), 0.01, 0.5),
+    ):
+        assert again.tobytes(order="C") == first.tobytes(order="C")
+
+
+@pytest.mark.parametrize("name", ["stone", "cube"])
+def test_a_whole_run_ends_alike(name):
+    """Rounding decides which way a run takes, but not where it ends."""
+    mesh = sample(name, 500)
+    ends = [list(flow(mesh, ROBUST, engine=engine))[-1] for engine in ("reference", "compiled")]
+    assert ends[0].stop_reason in {StopReason.CONVERGED, StopReason.STALLED}
+    assert ends[1].stop_reason is ends[0].stop_reason
+    assert ends[1].best.sphericity == pytest.approx(ends[0].best.sphericity, abs=1e-4)
+
+
+def test_a_collapse_is_the_same():
+    mesh = sample("sphere-bar", 300)
+    config = replace(PRESETS["paper"].config, step=0.5, iterations=200)
+    one, other = (list(flow(mesh, config, engine=engine))[-1] for engine in ("reference", "compiled"))
+    assert other.stop_reason is one.stop_reason is StopReason.COLLAPSED
+    assert other.iteration == one.iteration
+
+
+@pytest.mark.parametrize("mesh", [sample("non-convex-sphere", 252), open_bump(12)], ids=["closed", "open"])
+def test_a_resumed_run_is_the_same_run(mesh):
+    config = replace(ROBUST, iterations=24)
+    states = list(flow(mesh, config, engine="compiled"))
+    for at in (1, 7, 23):
+        rest = list(flow(mesh, config, engine="compiled", resume=states[at].checkpoint()))
+        assert [state.iteration for state in rest] == [state.iteration for state in states[at + 1 :]]
+        for state, expected in zip(rest, states[at + 1 :], strict=True):
+            assert state.vertices.tobytes() == expected.vertices.tobytes()
+            assert state.metrics() == expected.metrics()
+
+
+def test_engines_by_name():
+    assert list(ENGINES) == ["reference", "compiled"]
+    assert [engine.name for engine in ENGINES.values()] == list(ENGINES)
+    with pytest.raises(InvalidConfigError, match="reference, compiled"):
+        get_engine("steam")
+
+
+def test_numba_is_loaded_only_when_asked_for():
+    code = (
+        "import sys; from spherify.geometry.flow import flow; from spherify.geometry.kernels import get_engine\n"
+        "assert not {'numba', 'scipy'} & set(sys.modules); get_engine('compiled'); assert 'numba' in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_an_installation_that_cannot_be_written():
+    """numba refuses to keep code where there is no place for it; then it is made anew, not refused."""
+    code = (
+        "from numba.core import caching; caching.CacheImpl._locator_classes = []\n"
+        "from spherify.geometry.kernels.passes.jit import entry\n"
+        "assert entry(lambda a: a + 1)(2) == 3"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
