@@ -17,6 +17,7 @@ from service.forms import FORM, media_type, multipart
 from service.identifiers import JobId
 from service.paging import DEFAULT_LIMIT, Cursor, Limit, link_header, links
 from service.problems import ProblemError, invalid
+from service.queries import KNOWN_QUERY
 from service.requests import TAG, JobPlan, parse_allow, parse_form, parse_json, plan, plan_form
 from service.schemas import JobOut, PageOut, job_out
 from service.snapshots import retry_after_s
@@ -60,6 +61,7 @@ def _submit_known(services: Services, planned: JobPlan, mesh_id: str, pointer: s
 @router.post(
     "",
     operation_id="createJob",
+    dependencies=[KNOWN_QUERY],
     summary="Morph a mesh",
     status_code=HTTPStatus.CREATED,
     response_model=JobOut,
@@ -116,6 +118,7 @@ async def _from_form(request: Request, services: Services) -> Job:
 @router.get(
     "",
     operation_id="listJobs",
+    dependencies=[KNOWN_QUERY],
     summary="List jobs, newest first",
     response_model=PageOut[JobOut],
     responses={HTTPStatus.OK: {"headers": doc.LINK}, **doc.problems("invalid-parameters", *doc.STORES)},

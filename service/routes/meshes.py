@@ -16,6 +16,7 @@ from service.forms import multipart
 from service.identifiers import MeshFormat, MeshId
 from service.paging import DEFAULT_LIMIT, Cursor, Limit, link_header, links
 from service.problems import invalid
+from service.queries import KNOWN_QUERY
 from service.requests import MAX_NAME, parse_allow
 from service.schemas import MeshOut, PageOut, mesh_out
 from service.uploads import raw_upload
@@ -39,6 +40,7 @@ def _answer(request: Request, record: MeshRecord, new: bool) -> Response:
 @router.post(
     "",
     operation_id="createMesh",
+    dependencies=[KNOWN_QUERY],
     summary="Upload a mesh as a form",
     status_code=HTTPStatus.CREATED,
     response_model=MeshOut,
@@ -68,6 +70,7 @@ async def create_mesh(request: Request, context: Context) -> Response:
 @router.put(
     "",
     operation_id="putMesh",
+    dependencies=[KNOWN_QUERY],
     summary="Upload a mesh as it is",
     status_code=HTTPStatus.CREATED,
     response_model=MeshOut,
@@ -96,6 +99,7 @@ async def put_mesh(
 @router.get(
     "",
     operation_id="listMeshes",
+    dependencies=[KNOWN_QUERY],
     summary="List meshes, newest first",
     response_model=PageOut[MeshOut],
     responses={HTTPStatus.OK: {"headers": doc.LINK}, **doc.problems("invalid-parameters", *doc.STORES)},

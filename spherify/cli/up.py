@@ -27,7 +27,7 @@ Spherify {version} is ready.
   job records    {records}
 
   spherify samples -o samples
-  curl -F file=@samples/quadruped.obj -F iterations=1000 -F snapshots=100,500,1000 {url}/v1/jobs
+  curl -F file=@samples/quadruped.obj -F iterations=1000 -F snapshots=10,50,100 {url}/v1/jobs
   curl {url}/v1/jobs/JOB_ID
   curl -OJ {url}/v1/jobs/JOB_ID/snapshots/final.ply
 

@@ -74,7 +74,7 @@ def test_the_lines_of_the_banner_work(up: Up, tmp_path: Path) -> None:
     (make,) = re.findall(r"^  spherify (samples .*)$", banner, re.MULTILINE)
     upload, look, download = re.findall(r"^  (curl .*)$", banner, re.MULTILINE)
     assert spherify_here(*make.split(), "--vertices", "200", cwd=tmp_path).code == 0
-    upload = upload.replace("iterations=1000", "iterations=20").replace("100,500,1000", "5")
+    upload = upload.replace("iterations=1000", "iterations=20").replace("10,50,100", "5")
     job_id = json.loads(run(f"{upload} -sS"))["id"]
     with Client(up.url) as client:
         list(client.follow(job_id))
