@@ -14,9 +14,9 @@ from starlette.routing import compile_path
 
 from service.answers import add_handlers
 from service.context import Services, Stores
+from service.description import DESCRIPTION, TAGS, describe
 from service.logs import set_up as set_up_logs
 from service.middleware import EXPOSED, REQUEST_ID, Cors, ErrorGuard, RequestContext
-from service.openapi import DESCRIPTION, TAGS, describe
 from service.routes import jobs, meshes, pages, service, snapshots
 from spherify import __version__
 from spherify.settings import Settings

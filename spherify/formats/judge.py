@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from spherify.formats.errors import ProblemCode
+from spherify.formats.codes import ProblemCode
 from spherify.formats.repair import Draft
 from spherify.formats.report import Defect, Location, Point, Switch
 from spherify.geometry.mesh import Ints

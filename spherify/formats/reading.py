@@ -16,7 +16,8 @@ from typing import Any, Final
 from numpy.lib.format import open_memmap
 
 from spherify.formats.acceptance import ReadMesh
-from spherify.formats.errors import MeshRefusedError, problem_code
+from spherify.formats.codes import problem_code
+from spherify.formats.errors import MeshRefusedError
 from spherify.formats.limits import MIB, ReadLimits
 from spherify.formats.report import ALLOW, MeshReport, defect_from_dict
 from spherify.geometry.mesh import TriangleMesh

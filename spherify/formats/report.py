@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Final, Literal
 
-from spherify.formats.errors import ProblemCode, problem_code
+from spherify.formats.codes import ProblemCode, problem_code
 
 Switch = Literal["genus", "boundary", "components", "nonmanifold-vertex"]
 ALLOW: Final[tuple[Switch, ...]] = ("genus", "boundary", "components", "nonmanifold-vertex")
