@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,17 +19,15 @@ from numpy.typing import NDArray
 from spherify.geometry.config import FlowConfig
 from spherify.geometry.errors import InvalidMeshError
 from spherify.geometry.frame import Frame
-from spherify.geometry.kernels import Engine, Kernel, get_engine
+from spherify.geometry.kernels import Engine, get_engine
 from spherify.geometry.mesh import Floats, TriangleMesh
+from spherify.geometry.methods.curvature import CurvatureTransformation
+from spherify.geometry.methods.interface import Breakdown, Method, Standstill
 from spherify.geometry.metrics import Metrics, metrics_of
 from spherify.geometry.progress import Progress, fingerprint_of
 from spherify.geometry.quality import inward_faces
 from spherify.geometry.roundness import Shape
-from spherify.geometry.schedule import stage_at
 from spherify.geometry.topology import Topology
-
-MOMENTUM_GROWTH: Final = 0.02  # a momentum of 0.9 is reached after 45 iterations without a fall of sphericity
-PLATEAU_RISE: Final = 1e-4  # a smaller rise of the best sphericity counts as none
 
 
 class StopReason(StrEnum):
@@ -101,7 +99,7 @@ class FlowState:
     @property
     def step(self) -> float:
         """C of the next iteration, a length in the unit of the mesh."""
-        return self._run.step(self._progress) * self._run.frame.scale
+        return self._run.method.step(self._progress) * self._run.frame.scale
 
     @property
     def best(self) -> Best:
@@ -152,8 +150,9 @@ def flow(
     """
     run = _Run(mesh, config, get_engine(engine) if isinstance(engine, str) else engine)
     if resume is None:
-        return run.states(Progress.first(run.start, run.start_shape), fresh=True)
-    return run.states(Progress.restored(resume, run.fingerprint, len(mesh.vertices)), fresh=False)
+        return run.states(run.start, fresh=True)
+    progress = Progress.restored(resume, run.fingerprint, len(mesh.vertices), run.method.layout)
+    return run.states(progress, fresh=False)
 
 
 class _Run:
@@ -163,20 +162,23 @@ class _Run:
         self._mesh = mesh
         self._config = config
         self._topology = _checked_topology(mesh)
-        self._kernel: Kernel = engine.prepare(self._topology, config)
         self._rescale = config.rescale
         if not self._topology.closed:
             # Vertices that must stay cannot be rescaled; and an open surface has no volume to restore.
             self._rescale = "none" if config.boundary == "fixed" or config.rescale == "none" else "area"
         self.frame = Frame.around(mesh.vertices)
-        self.fingerprint = fingerprint_of(mesh, config, engine.name)
-        self.start = self.frame.inside(mesh.vertices)
-        self.start_shape = self._kernel.shape(self.start)
-        if not self._valid(self.start_shape):
+        self.method: Method = CurvatureTransformation(
+            self._topology, config, engine, unit=1 / self.frame.scale
+        )
+        self.fingerprint = fingerprint_of(mesh, config, self.method.computed_by)
+        position = self.frame.inside(mesh.vertices)
+        shape = self.method.shape(position)
+        if not self._valid(shape):
             raise InvalidMeshError(
-                f"the mesh encloses a volume of {self.start_shape.volume:.3g} (in its bounding box of about 1): "
+                f"the mesh encloses a volume of {shape.volume:.3g} (in its bounding box of about 1): "
                 "its faces must be counter-clockwise seen from outside and enclose some volume"
             )
+        self.start = Progress.first(position, shape, self.method.begin(position, shape))
 
     def states(self, progress: Progress, *, fresh: bool) -> Iterator[FlowState]:
         """Yield states until a reason to stop is met; ``progress`` itself first if ``fresh``, or if it is the last."""
@@ -188,9 +190,8 @@ class _Run:
             if fresh:
                 yield FlowState(self, progress)
             moved = self._advanced(progress)
-            if moved is None:
-                detail = "the curvature is the same at every vertex, so the transformation does not move any"
-                yield FlowState(self, progress, StopReason.CONSTANT_CURVATURE, detail)
+            if isinstance(moved, Standstill):
+                yield FlowState(self, progress, StopReason.CONSTANT_CURVATURE, moved.detail)
                 return
             progress, fresh = moved, True
 
@@ -198,22 +199,13 @@ class _Run:
         """Return positions of the frame in the unit of the mesh; exactly the mesh's own before the first iteration."""
         return self._mesh.vertices if iteration == 0 else self.frame.outside(U)
 
-    def step(self, progress: Progress) -> float:
-        """Return C of the next iteration, in the frame."""
-        unit = {
-            "absolute": 1 / self.frame.scale,
-            "initial-mean-edge": self.start_shape.mean_edge,
-            "mean-edge": progress.shape.mean_edge,
-        }[self._config.step_unit]
-        return self._config.step * progress.annealing * unit
-
     def metrics(self, progress: Progress) -> Metrics:
         """Return the figures of a state, in the unit of the mesh."""
         return metrics_of(
             progress.position,
             self._topology,
             measure=self._config.measure,
-            step=self.step(progress),
+            step=self.method.step(progress),
             scale=self.frame.scale,
         )
 
@@ -222,7 +214,7 @@ class _Run:
         config, shape = self._config, progress.shape
         if progress.broke_at is not None:
             return StopReason.COLLAPSED, (
-                f"iteration {progress.broke_at} turned the mesh inside out or left the finite numbers; "
+                f"iteration {progress.broke_at} {progress.broke_how}; "
                 f"the result is the best state, that of iteration {progress.iteration}"
             )
         if shape.radius_variation < config.stop_radius_variation and not self._folded(progress):
@@ -230,66 +222,33 @@ class _Run:
                 f"the radius variation {shape.radius_variation:.2e} is below {config.stop_radius_variation:g}, "
                 "and no face looks inward"
             )
-        if config.annealing is not None and config.step * progress.annealing < config.annealing.min_step:
-            return StopReason.STALLED, (
-                f"the best sphericity {progress.best_shape.sphericity:.6f} did not rise by {PLATEAU_RISE:g} while the "
-                f"step was reduced to {config.annealing.min_step:g} {config.step_unit}"
-            )
+        if (stalled := self.method.stalled(progress)) is not None:
+            return StopReason.STALLED, stalled
         if progress.iteration >= config.iterations:
             return StopReason.ITERATIONS, f"all {config.iterations} iterations were done"
         return None, None
 
-    def _advanced(self, progress: Progress) -> Progress | None:
-        """Return the state one iteration later; None if the curvature is constant."""
-        config, here = self._config, progress.position
-        ahead = here + progress.momentum * (here - progress.previous) if progress.momentum > 0 else here
+    def _advanced(self, progress: Progress) -> Progress | Standstill:
+        """Return the state one iteration later, or that there is none."""
         # A mesh that breaks passes through overflow; it is caught below, by what comes out.
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            moved = self._kernel.transform(
-                ahead,
-                stage_at(config.schedule, progress.iteration),
-                self.step(progress),
-                config.relaxation * progress.annealing,
-            )
-            if moved is None:
-                return None
-            shape = self._kernel.shape(moved)
+            moved = self.method.advance(progress)
+            if isinstance(moved, Standstill):
+                return moved
+            if isinstance(moved, Breakdown):
+                return progress.broken(moved.detail)
+            shape = self.method.shape(moved)
             if not self._valid(shape):
-                return progress.broken()
+                return progress.broken("turned the mesh inside out or left the finite numbers")
         factor = self._rescaling(shape)
         if factor != 1:
             moved = shape.centroid + factor * (moved - shape.centroid)
             shape = shape.scaled(factor)
         moved.setflags(write=False)
-        return self._followed(progress, moved, shape)
-
-    def _followed(self, progress: Progress, moved: Floats, shape: Shape) -> Progress:
-        """Return the state that follows, with momentum, annealing and the best state brought up to date."""
-        config, reached = self._config, shape.sphericity
-        momentum = min(progress.momentum + MOMENTUM_GROWTH, config.momentum)
-        if reached < progress.shape.sphericity:
-            momentum = 0.0
-        annealing, plateau, waited = progress.annealing, progress.plateau, progress.waited + 1
-        if reached > plateau + PLATEAU_RISE:
-            plateau, waited = reached, 0
-        elif config.annealing is not None and waited >= config.annealing.patience:
-            annealing, waited = annealing * config.annealing.factor, 0
         best = (progress.best_iteration, progress.best_position, progress.best_shape)
-        if reached > progress.best_shape.sphericity:
+        if shape.sphericity > progress.best_shape.sphericity:
             best = (progress.iteration + 1, moved, shape)
-        return Progress(
-            iteration=progress.iteration + 1,
-            position=moved,
-            previous=progress.position,
-            shape=shape,
-            momentum=momentum,
-            annealing=annealing,
-            plateau=plateau,
-            waited=waited,
-            best_iteration=best[0],
-            best_position=best[1],
-            best_shape=best[2],
-        )
+        return Progress(progress.iteration + 1, moved, shape, self.method.remember(progress, shape), *best)
 
     def _folded(self, progress: Progress) -> bool:
         """Whether a face looks towards the centroid: folds of little area, which no radius shows."""
@@ -298,9 +257,9 @@ class _Run:
     def _rescaling(self, shape: Shape) -> float:
         """Return the factor that restores the area or volume of the start."""
         if self._rescale == "area":
-            return float(np.sqrt(self.start_shape.area / shape.area))
+            return float(np.sqrt(self.start.shape.area / shape.area))
         if self._rescale == "volume":
-            return float(np.cbrt(self.start_shape.volume / shape.volume))
+            return float(np.cbrt(self.start.shape.volume / shape.volume))
         return 1.0
 
     def _valid(self, shape: Shape) -> bool:

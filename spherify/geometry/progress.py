@@ -6,7 +6,7 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,12 @@ from spherify.geometry.errors import InvalidCheckpointError
 from spherify.geometry.mesh import Floats, TriangleMesh
 from spherify.geometry.roundness import Shape
 
-VERSION: Final = 1
+VERSION: Final = 2
+
+Memory: TypeAlias = Mapping[
+    str, NDArray[Any]
+]  # what a method carries from one iteration to the next, by name
+Layout: TypeAlias = Mapping[str, tuple[tuple[int, ...], type]]  # shape and type of each of these arrays
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -26,69 +31,61 @@ class Progress:
     Attributes:
         iteration: iterations done.
         position: (n, 3) vertices.
-        previous: (n, 3) vertices one iteration before, for the momentum.
         shape: of ``position``.
-        momentum: b of the next iteration.
-        annealing: what step and relaxation are multiplied by.
-        plateau: the sphericity that has to be exceeded for the waiting to begin anew.
-        waited: iterations since it was.
+        memory: what the method itself goes on from.
         best_iteration: iterations done at the best valid state.
         best_position: (n, 3) its vertices.
         best_shape: its shape.
         broke_at: the iteration after which the mesh was no longer valid; None while it is.
+        broke_how: what that iteration did, the beginning of a sentence.
 
     """
 
     iteration: int
     position: Floats
-    previous: Floats
     shape: Shape
-    momentum: float
-    annealing: float
-    plateau: float
-    waited: int
+    memory: Memory
     best_iteration: int
     best_position: Floats
     best_shape: Shape
     broke_at: int | None = None
+    broke_how: str = ""
 
     @classmethod
-    def first(cls, position: Floats, shape: Shape) -> Progress:
+    def first(cls, position: Floats, shape: Shape, memory: Memory) -> Progress:
         """Return the state before the first iteration."""
-        return cls(0, position, position, shape, 0.0, 1.0, shape.sphericity, 0, 0, position, shape)
+        return cls(0, position, shape, memory, 0, position, shape)
 
-    def broken(self) -> Progress:
-        """Return the best state, noting that the iteration after this one broke the mesh."""
+    def broken(self, how: str) -> Progress:
+        """Return the best state, noting that the iteration after this one broke the mesh, and how."""
         return replace(
             self,
             iteration=self.best_iteration,
             position=self.best_position,
             shape=self.best_shape,
             broke_at=self.iteration + 1,
+            broke_how=how,
         )
 
     def arrays(self, fingerprint: NDArray[np.uint8]) -> dict[str, NDArray[Any]]:
         """Return the state as named arrays, bit by bit; `restored` is the way back."""
-        counts = (
-            self.iteration,
-            self.waited,
-            self.best_iteration,
-            -1 if self.broke_at is None else self.broke_at,
-        )
+        counts = (self.iteration, self.best_iteration, -1 if self.broke_at is None else self.broke_at)
         return {
             "fingerprint": fingerprint,
             "position": self.position,
-            "previous": self.previous,
             "best_position": self.best_position,
             "counts": np.array(counts, dtype=np.int64),
-            "control": np.array([self.momentum, self.annealing, self.plateau]),
             "shape": _shape_to_array(self.shape),
             "best_shape": _shape_to_array(self.best_shape),
+            "broke_how": np.frombuffer(self.broke_how.encode(), dtype=np.uint8),
+            **self.memory,
         }
 
     @classmethod
-    def restored(cls, arrays: Mapping[str, NDArray[Any]], fingerprint: NDArray[np.uint8], n: int) -> Progress:
-        """Read what `arrays` wrote; further entries are ignored.
+    def restored(
+        cls, arrays: Mapping[str, NDArray[Any]], fingerprint: NDArray[np.uint8], n: int, layout: Layout
+    ) -> Progress:
+        """Read what `arrays` wrote, with a memory of this layout; further entries are ignored.
 
         Positions are laid out column by column again, as the run had them: sums depend on it in their last bit.
 
@@ -96,15 +93,15 @@ class Progress:
             InvalidCheckpointError: an array is missing or has the wrong shape or type, or the fingerprint is another.
 
         """
-        wanted: dict[str, tuple[tuple[int, ...], type]] = {
+        wanted: dict[str, tuple[tuple[int, ...] | None, type]] = {
             "fingerprint": (fingerprint.shape, np.uint8),
             "position": ((n, 3), np.float64),
-            "previous": ((n, 3), np.float64),
             "best_position": ((n, 3), np.float64),
-            "counts": ((4,), np.int64),
-            "control": ((3,), np.float64),
+            "counts": ((3,), np.int64),
             "shape": ((7,), np.float64),
             "best_shape": ((7,), np.float64),
+            "broke_how": (None, np.uint8),
+            **layout,
         }
         for name, (shape, kind) in wanted.items():
             array = arrays.get(name)
@@ -114,36 +111,34 @@ class Progress:
                 raise InvalidCheckpointError(
                     "the checkpoint belongs to another mesh, other parameters or another engine"
                 )
-            if array.shape != shape or array.dtype != kind:
+            if array.dtype != kind or (shape is not None and array.shape != shape):
                 raise InvalidCheckpointError(
                     f"array {name!r} of the checkpoint is {array.dtype} {array.shape}, not {kind.__name__} {shape}"
                 )
-        iteration, waited, best_iteration, broke_at = (int(count) for count in arrays["counts"])
-        momentum, annealing, plateau = (float(number) for number in arrays["control"])
+        iteration, best_iteration, broke_at = (int(count) for count in arrays["counts"])
         return cls(
             iteration=iteration,
             position=np.asfortranarray(arrays["position"]),
-            previous=np.asfortranarray(arrays["previous"]),
             shape=_shape_from_array(arrays["shape"]),
-            momentum=momentum,
-            annealing=annealing,
-            plateau=plateau,
-            waited=waited,
+            memory={name: np.asfortranarray(arrays[name]) for name in layout},
             best_iteration=best_iteration,
             best_position=np.asfortranarray(arrays["best_position"]),
             best_shape=_shape_from_array(arrays["best_shape"]),
             broke_at=None if broke_at < 0 else broke_at,
+            broke_how=arrays["broke_how"].tobytes().decode(),
         )
 
 
-def fingerprint_of(mesh: TriangleMesh, config: FlowConfig, engine: str) -> NDArray[np.uint8]:
-    """(32,) SHA-256 of all that decides how a run goes on: mesh, engine, parameters.
+def fingerprint_of(mesh: TriangleMesh, config: FlowConfig, computed_by: str) -> NDArray[np.uint8]:
+    """(32,) SHA-256 of all that decides how a run goes on: mesh, parameters, and who computes.
 
     The number of iterations is left out: a run may be extended from its last state.
     """
     parameters = asdict(config)
     del parameters["iterations"]
-    digest = hashlib.sha256(json.dumps([VERSION, engine, _as_floats(parameters)], sort_keys=True).encode())
+    digest = hashlib.sha256(
+        json.dumps([VERSION, computed_by, _as_floats(parameters)], sort_keys=True).encode()
+    )
     for array in (mesh.vertices, mesh.faces):
         digest.update(str(array.shape).encode())
         digest.update(np.ascontiguousarray(array).tobytes())

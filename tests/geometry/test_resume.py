@@ -147,7 +147,17 @@ class TestForeignOrDamaged:
 
     @pytest.mark.parametrize(
         "name",
-        ["fingerprint", "position", "previous", "best_position", "counts", "control", "shape", "best_shape"],
+        [
+            "fingerprint",
+            "position",
+            "previous",
+            "best_position",
+            "counts",
+            "control",
+            "shape",
+            "best_shape",
+            "broke_how",
+        ],
     )
     def test_an_array_is_missing(self, arrays, name):
         del arrays[name]

@@ -1,0 +1,84 @@
+"""What a method must offer: a way to lead a surface from one iteration to the next."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol, TypeAlias
+
+from spherify.geometry.mesh import Floats
+from spherify.geometry.progress import Layout, Memory, Progress
+from spherify.geometry.roundness import Shape
+
+
+@dataclass(frozen=True, slots=True)
+class Standstill:
+    """The method cannot move the surface, and never will: its curvature is constant.
+
+    Attributes:
+        detail: a sentence about it.
+
+    """
+
+    detail: str
+
+
+@dataclass(frozen=True, slots=True)
+class Breakdown:
+    """The next state does not exist, or the method has no meaning beyond it: a singularity.
+
+    Attributes:
+        detail: what broke, and where; the beginning of a sentence.
+
+    """
+
+    detail: str
+
+
+Step: TypeAlias = Floats | Standstill | Breakdown
+
+
+class Method(Protocol):
+    """One method, prepared for one mesh and one configuration. Same input, same bits.
+
+    The run's loop owns everything else: what is valid, rescaling, the best state, when to stop, checkpoints.
+    Positions and lengths are in the run's `Frame`.
+    """
+
+    @property
+    def computed_by(self) -> str:
+        """What computes it, by name: a run can only be resumed by the same."""
+        ...
+
+    @property
+    def layout(self) -> Layout:
+        """Shape and type of each array of `Memory`."""
+        ...
+
+    def shape(self, V: Floats) -> Shape:
+        """Measure the surface as a whole; numbers that are not finite are passed on."""
+        ...
+
+    def begin(self, V: Floats, shape: Shape) -> Memory:
+        """Take the positions (n, 3) of the start and their shape, once and before anything else but `shape`.
+
+        Returns:
+            what is remembered before the first iteration.
+
+        """
+        ...
+
+    def step(self, progress: Progress) -> float:
+        """Return how far the next iteration goes: the figure ``step`` of `Metrics`, a length."""
+        ...
+
+    def stalled(self, progress: Progress) -> str | None:
+        """Return why going on is of no use, a sentence; None if it is."""
+        ...
+
+    def advance(self, progress: Progress) -> Step:
+        """Return positions (n, 3) one iteration later, a new array; not necessarily finite, nor a valid surface."""
+        ...
+
+    def remember(self, progress: Progress, shape: Shape) -> Memory:
+        """Return what is remembered once ``progress`` was left for a valid state of this shape."""
+        ...
