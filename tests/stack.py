@@ -59,16 +59,24 @@ class Stack:
     workers: dict[str, subprocess.Popen[bytes]] = field(default_factory=dict)
     _processes: list[subprocess.Popen[bytes]] = field(default_factory=list)
 
-    def start_worker(self, name: str = "one", *, concurrency: int = 1) -> subprocess.Popen[bytes]:
-        """Start a worker and wait until it takes jobs."""
+    def launch_worker(
+        self, name: str = "one", *, concurrency: int = 1, environment: Mapping[str, str] | None = None
+    ) -> subprocess.Popen[bytes]:
+        """Start a worker, and do not wait for it; `environment` is added to that of the stack."""
         command = [sys.executable, "-m", "worker", f"--concurrency={concurrency}", f"--hostname={name}@test"]
-        process = self._start(f"worker-{name}", command)
+        self.workers[name] = self._start(f"worker-{name}", command, environment)
+        return self.workers[name]
+
+    def start_worker(
+        self, name: str = "one", *, concurrency: int = 1, environment: Mapping[str, str] | None = None
+    ) -> subprocess.Popen[bytes]:
+        """Start a worker and wait until it takes jobs."""
+        process = self.launch_worker(name, concurrency=concurrency, environment=environment)
         wait_for(
             lambda: self._running(process) and self.stores.client.exists(keys.WORKER + f"{name}@test"),
             limit_s=READY_S,
             what=f"worker {name}, see {self.log(f'worker-{name}')}",
         )
-        self.workers[name] = process
         return process
 
     def stop_worker(self, name: str, number: int = signal.SIGTERM) -> int:
@@ -109,12 +117,14 @@ class Stack:
         self.stores.close()
         self.server.stop()
 
-    def _start(self, name: str, command: list[str]) -> subprocess.Popen[bytes]:
+    def _start(
+        self, name: str, command: list[str], environment: Mapping[str, str] | None = None
+    ) -> subprocess.Popen[bytes]:
         with self.log(name).open("ab") as log:
             process = subprocess.Popen(
                 tethered(command),
                 cwd=ROOT,
-                env=self.environment,
+                env={**self.environment, **(environment or {})},
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=log,

@@ -16,6 +16,7 @@ from pathlib import Path
 from typer.testing import CliRunner
 
 from spherify.cli.commands import app
+from tests.processes import Seen, below, processes
 from tests.stack import QUICK, wait_for
 
 COMMAND = (sys.executable, "-m", "spherify.cli")
@@ -55,40 +56,6 @@ def spherify_here(*arguments: str | Path, cwd: Path) -> Ended:
     return Ended(done.exit_code, done.stdout, done.stderr)
 
 
-@dataclass(frozen=True)
-class Seen:
-    """A process, told apart from a later one of the same number by the moment it started."""
-
-    pid: int
-    parent: int
-    started: str
-    command: str
-
-    def gone(self) -> bool:
-        """Whether it has ended."""
-        now = processes().get(self.pid)
-        return now is None or now.started != self.started
-
-
-def processes() -> dict[int, Seen]:
-    """Return all processes that have not ended, by number."""
-    found = {}
-    for folder in Path("/proc").glob("[0-9]*"):
-        try:
-            state, parent, *others = (folder / "stat").read_text().rpartition(")")[2].split()
-            command = (folder / "cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace")
-        except (FileNotFoundError, ProcessLookupError):
-            continue  # it ended while we looked
-        if state not in "ZX":
-            found[int(folder.name)] = Seen(int(folder.name), int(parent), others[17], command)
-    return found
-
-
-def await_gone(seen: list[Seen]) -> None:
-    """Wait until all of these have ended."""
-    wait_for(lambda: all(one.gone() for one in seen), what=f"the end of {seen}")
-
-
 @dataclass
 class Running:
     """A command that runs, and what it says."""
@@ -120,14 +87,7 @@ class Running:
 
     def family(self) -> list[Seen]:
         """Return children, their children, and so on."""
-        everything = processes().values()
-        found: list[Seen] = []
-        parents = {self.process.pid}
-        while parents:
-            level = [seen for seen in everything if seen.parent in parents]
-            found += level
-            parents = {seen.pid for seen in level}
-        return found
+        return below(self.process.pid)
 
     def _alive(self) -> bool:
         assert self.process.poll() is None, f"ended with {self.process.returncode}:\n{self.text}"

@@ -8,8 +8,9 @@ from pathlib import Path
 from spherify.formats import ReadLimits, write_mesh
 from spherify.formats.acceptance import accept
 from spherify.geometry.samples import SAMPLES
-from tests.cli.program import await_gone, running, spherify
+from tests.cli.program import running, spherify
 from tests.cli.test_morph import OCTAHEDRON
+from tests.processes import await_gone
 from tests.stack import wait_for
 
 PNG = b"\x89PNG\r\n\x1a\n"

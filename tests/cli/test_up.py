@@ -19,7 +19,8 @@ from spherify.client import Client
 from spherify.formats import write_mesh
 from spherify.geometry.samples import SAMPLES
 from spherify.stores.embedded import EmbeddedServer
-from tests.cli.program import Running, await_gone, running, spherify, spherify_here
+from tests.cli.program import Running, running, spherify, spherify_here
+from tests.processes import await_gone
 from tests.stack import wait_for
 
 pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")

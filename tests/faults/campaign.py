@@ -1,0 +1,147 @@
+"""A campaign: jobs are submitted, faults strike, processes are started again, until every promise is kept.
+
+The faults are spread over the jobs, not over time: the k-th strikes once a certain number of jobs is done, so that
+a slow machine sees the same campaign as a quick one. Their order and their victims come from a seed.
+"""
+
+from __future__ import annotations
+
+import random
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import monotonic
+from typing import Final
+
+from spherify.jobs.errors import JobsError, StoreUnavailableError
+from spherify.jobs.layout import numbers
+from tests.faults.injectors import Injectors
+from tests.faults.ledger import Ledger, Verdict, assert_no_zombies, judge
+from tests.faults.logs import Logs
+from tests.faults.specimens import Specimen
+from tests.stack import Stack, started_stack, wait_for
+
+SHORT: Final = {
+    "SPHERIFY_LEASE_S": "3",
+    "SPHERIFY_HEARTBEAT_S": "0.5",
+    "SPHERIFY_RECONCILE_S": "1",
+    "SPHERIFY_ORPHAN_S": "3",
+    "SPHERIFY_CANCEL_GRACE_S": "2",
+    "SPHERIFY_CHECKPOINT_S": "0.5",
+    "SPHERIFY_MAX_LOSSES": "8",  # kills beyond all reason are no reason to give up a job
+}
+OUTSTANDING: Final = 24  # jobs under way at a time
+LAST_FAULT: Final = 0.8  # of the jobs: the rest is done in peace, so that the end is an end
+
+
+@dataclass
+class Campaign:
+    """What runs, what was promised, and what struck."""
+
+    stack: Stack
+    ledger: Ledger
+    injectors: Injectors
+    logs: Logs
+    rng: random.Random
+    workers: int
+    figures: dict[str, float] = field(default_factory=dict)
+
+    def run(
+        self, specimens: list[Specimen], jobs: int, faults: Mapping[str, int], *, limit_s: float
+    ) -> Verdict:
+        """Submit so many jobs under so many faults of each kind, and judge what has become of them."""
+        kinds = [kind for kind, times in faults.items() for _ in range(times)]
+        self.rng.shuffle(kinds)
+        due_at = sorted(self.rng.uniform(0, LAST_FAULT * jobs) for _ in kinds)
+        orders = [(f"{self.rng.getrandbits(64):x}", self.rng.choice(specimens)) for _ in range(jobs)]
+        plan = list(zip(due_at, kinds, strict=True))
+        done: set[str] = set()
+        began = monotonic()
+
+        def all_done() -> bool:
+            self._tend()
+            if plan and len(done) >= plan[0][0] and self.injectors.strike(plan[0][1]):
+                plan.pop(0)
+            under_way = len(self.ledger.acknowledged) - len(done)
+            if orders and under_way < OUTSTANDING and self.ledger.submit(orders[-1][1], orders[-1][0]):
+                orders.pop()
+            done.update(filter(self._is_done, self.ledger.acknowledged.keys() - done))
+            return not (orders or plan or self.injectors.later) and len(done) == jobs
+
+        try:
+            wait_for(all_done, limit_s=limit_s, what=f"{jobs} jobs, see {self.stack.data_dir}")
+        finally:
+            self._measure(jobs, len(done), monotonic() - began)
+        for job_id in self.ledger.acknowledged:  # a job that was done may have lost its record since
+            wait_for(lambda job_id=job_id: self._is_done(job_id), limit_s=30, what=f"the record of {job_id}")
+        return judge(self.ledger, self.logs)
+
+    def _tend(self) -> None:
+        """Start again what has died, as whoever runs the service has it done."""
+        self.injectors.do_what_is_due()
+        for number in range(self.workers):
+            if (process := self.stack.workers.get(str(number))) is None or process.poll() is not None:
+                self.stack.launch_worker(str(number))
+
+    def _is_done(self, job_id: str) -> bool:
+        try:
+            return self.stack.stores.jobs.get(job_id).status.done
+        except (StoreUnavailableError, JobsError):  # away, or lost and not rebuilt yet
+            return False
+
+    def _measure(self, jobs: int, done: int, seconds: float) -> None:
+        lines = self.logs.lines()
+        starts = Counter(line.job_id for line in lines if line.action == "start")
+        kills = [
+            hit for hit in self.injectors.hits if hit.fault in {"kill_worker", "kill_child"} and hit.job_id
+        ]
+        recoveries = [s for hit in kills if (s := self.logs.recovery_s(str(hit.job_id), hit.at)) is not None]
+        self.figures = {
+            "jobs": jobs,
+            "done": done,
+            "seconds": round(seconds, 1),
+            "runs": sum(starts.values()),
+            "run_again": sum(times > 1 for times in starts.values()),
+            "resumed": sum(map(self._resumed, starts)),
+            "unanswered": self.ledger.unanswered,
+            "fenced": self.logs.count("fenced"),
+            "found_by_reconciler": sum(line.action.startswith("reconcile-") for line in lines),
+            "slowest_recovery_s": round(max(recoveries, default=0.0), 1),
+            **{
+                f"hits_{fault}": times
+                for fault, times in Counter(h.fault for h in self.injectors.hits).items()
+            },
+        }
+
+    def _resumed(self, job_id: str) -> bool:
+        """Whether a later attempt went on from what an earlier one had left."""
+        try:
+            job = self.stack.stores.jobs.get(job_id)
+        except (StoreUnavailableError, JobsError):
+            return False
+        return len({numbers(snapshot.key)[0] for snapshot in job.snapshots}) > 1
+
+
+@contextmanager
+def campaign(
+    folder: Path,
+    seed: int,
+    *,
+    workers: int = 2,
+    environment: Mapping[str, str] = SHORT,
+    say: Callable[[str], object] = print,
+) -> Iterator[Campaign]:
+    """Start a stack for one campaign; at the end nothing of it may be left."""
+    rng = random.Random(seed)
+    with started_stack(folder, workers=workers, environment=environment) as stack:
+        logs = Logs(folder)
+        ledger = Ledger(stack.url)
+        one = Campaign(stack, ledger, Injectors(stack, logs, rng), logs, rng, workers)
+        try:
+            yield one
+        finally:
+            say(f"campaign {seed}: {one.figures}")
+            ledger.http.close()
+        assert_no_zombies(stack)
