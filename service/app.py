@@ -17,7 +17,7 @@ from service.context import Services, Stores
 from service.description import DESCRIPTION, TAGS, describe
 from service.logs import set_up as set_up_logs
 from service.middleware import EXPOSED, REQUEST_ID, Cors, ErrorGuard, RequestContext
-from service.routes import jobs, meshes, pages, service, snapshots
+from service.routes import arrays, jobs, meshes, pages, service, snapshots
 from spherify import __version__
 from spherify.settings import Settings
 from spherify.stores.connect import open_stores
@@ -55,7 +55,7 @@ def create_app(settings: Settings | None = None, stores: Stores | None = None) -
         middleware=_middleware(settings),
     )
     app.state.services = Services.of(settings, stores)
-    for part in (jobs, snapshots, meshes, service, pages):
+    for part in (jobs, snapshots, arrays, meshes, service, pages):
         app.include_router(part.router)
     app.state.methods_at = _methods_at(app)
     add_handlers(app)

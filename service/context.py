@@ -9,11 +9,13 @@ from anyio import CapacityLimiter
 from fastapi import Depends
 from starlette.requests import Request
 
+from service.cache import FileCache
 from service.intake import Intake
 from spherify.jobs.ports import BlobStore, JobQueue, JobStore, MeshStore
 from spherify.settings import Settings
 
 CONVERSIONS: Final = 4  # at once: the text of a large mesh takes a few hundred megabytes
+VIEWS: Final = 4  # at once, beside those: they are small, and a page waits for them
 
 
 class Stores(Protocol):
@@ -46,12 +48,15 @@ class Services:
     settings: Settings
     stores: Stores
     intake: Intake
+    cache: FileCache
     conversions: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(CONVERSIONS))
+    views: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(VIEWS))
 
     @classmethod
     def of(cls, settings: Settings, stores: Stores) -> Services:
         """Build the rest from settings and stores."""
-        return cls(settings, stores, Intake(stores.meshes, stores.blobs, settings))
+        cache = FileCache(settings.data_dir / "cache", settings.cache_bytes, settings.min_free_bytes)
+        return cls(settings, stores, Intake(stores.meshes, stores.blobs, settings), cache)
 
 
 async def _services(request: Request) -> Services:

@@ -32,15 +32,18 @@ class Content:
         size: bytes.
         etag: strong, with its quotes: equal for equal bytes, on every replica.
         open: opens it for reading, seekable; called only when bytes are to be sent.
+        filename: None where it is no file that anybody would save.
+        encoding: the coding these bytes are in, such as gzip.
 
     """
 
     size: int
     etag: str
     media_type: str
-    filename: str
+    filename: str | None
     cache_control: str
     open: Callable[[], BinaryIO]
+    encoding: str | None = None
 
 
 def strong_etag(*parts: object) -> str:
@@ -57,6 +60,16 @@ def matches(request: Request, etag: str) -> bool:
     return wanted.strip() == "*" or bare in {
         tag.strip().removeprefix("W/") for tag in re.findall(r'(?:W/)?"[^"]*"', wanted)
     }
+
+
+def accepts_gzip(request: Request) -> bool:
+    """Whether `Accept-Encoding` lets the answer be compressed (RFC 9110, 12.5.3)."""
+    quality: dict[str, float] = {}
+    for part in request.headers.get("accept-encoding", "").lower().split(","):
+        coding, _, weight = part.partition(";")
+        given = re.fullmatch(r"\s*q\s*=\s*([01](?:\.\d{0,3})?)\s*", weight)
+        quality[coding.strip()] = float(given[1]) if given else 1.0
+    return quality.get("gzip", quality.get("*", 0.0)) > 0
 
 
 def not_modified(etag: str, cache_control: str, vary: str | None = None) -> Response:
@@ -93,8 +106,11 @@ def deliver(request: Request, content: Content, vary: str | None = None) -> Resp
         "Cache-Control": content.cache_control,
         "Accept-Ranges": "bytes",
         "Content-Length": str(end - start),
-        "Content-Disposition": disposition(content.filename),
     }
+    if content.filename is not None:
+        headers["Content-Disposition"] = disposition(content.filename)
+    if content.encoding is not None:
+        headers["Content-Encoding"] = content.encoding
     if vary:
         headers["Vary"] = vary
     status = HTTPStatus.OK

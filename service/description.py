@@ -29,6 +29,10 @@ TAGS: Final = [
     {"name": "Meshes", "description": "Upload, look at, download, delete. The same bytes are the same mesh."},
     {"name": "Jobs", "description": "Morph a mesh, follow, cancel, delete."},
     {"name": "Snapshots", "description": "Kept states of a job, in any format, also while it runs."},
+    {
+        "name": "Viewer",
+        "description": "Bare arrays for drawing: triangles once, positions and fields of each state.",
+    },
     {"name": "Metrics", "description": "Figures of a run over its iterations."},
     {"name": "Service", "description": "What it can do, and how it is."},
 ]

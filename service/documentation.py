@@ -87,6 +87,23 @@ def mesh_answer(description: str, *, also: tuple[str, ...] = (), inputs: bool = 
     }
 
 
+def array_answer(description: str) -> Responses:
+    """Return the entries 200, 206 and 304 of an answer that is a bare array."""
+    content = {"application/octet-stream": {"schema": BINARY}}
+    headers = ETAG | {
+        "Cache-Control": FILE["Cache-Control"],
+        "Content-Encoding": header(
+            "`gzip` where `Accept-Encoding` allows it; each coding has an ETag of its own."
+        ),
+        "Vary": header("`Accept-Encoding`."),
+    }
+    return {
+        200: {"description": description, "content": content, "headers": headers},
+        206: {"description": "The range that was asked for, of the coded bytes.", "content": content},
+        304: {"description": "The client has it already (`If-None-Match`).", "headers": ETAG},
+    }
+
+
 def _words(description: str, values: tuple[str, ...] = ()) -> dict[str, Any]:
     item: dict[str, Any] = {"type": "string"} | ({"enum": list(values)} if values else {})
     return {"type": "array", "items": item, "description": description}

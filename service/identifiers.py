@@ -8,6 +8,7 @@ from fastapi import Depends, Path
 
 from service.problems import ProblemError
 from spherify.formats import FORMATS_OUT
+from spherify.geometry.fields import FIELDS, FieldName
 from spherify.jobs.ids import JOB_ID, MESH_ID
 
 _JOB: Final = Path(description="Identifier of a job.", examples=["job_01K5Z9Q8M4T6V2X0Y7R3N1W5BC"])
@@ -17,6 +18,13 @@ _WHICH: Final = Path(
     examples=["500", "latest"],
 )
 _FORMAT: Final = Path(description="Format of the file.", json_schema_extra={"enum": list(FORMATS_OUT)})
+
+
+_FIELD: Final = Path(
+    description="Which: "
+    + "; ".join(f"`{name}` ({it.unit}): {it.description}" for name, it in FIELDS.items()),
+    json_schema_extra={"enum": list(FIELDS)},
+)
 
 
 async def _job_id(job_id: Annotated[str, _JOB]) -> str:
@@ -43,7 +51,14 @@ async def _format(format: Annotated[str, _FORMAT]) -> str:  # noqa: A002 (its na
     return format
 
 
+async def _field(field: Annotated[str, _FIELD]) -> str:
+    if field not in FIELDS:
+        raise ProblemError("not-found", f"there is no field {field[:20]!r}; there are {', '.join(FIELDS)}")
+    return field
+
+
 JobId = Annotated[str, Depends(_job_id)]
 MeshId = Annotated[str, Depends(_mesh_id)]
 Which = Annotated[str, Depends(_which)]
 MeshFormat = Annotated[str, Depends(_format)]
+VertexField = Annotated[FieldName, Depends(_field)]

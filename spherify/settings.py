@@ -48,6 +48,11 @@ class Settings(BaseSettings):
     cors_origins: Annotated[list[str], NoDecode] = Field(
         default=[], description="Web origins that may call the API from a browser, separated by commas."
     )
+    cache_bytes: int = Field(
+        default=1024 * MIB,
+        ge=0,
+        description="Converted files kept in the data folder to be handed out again, in bytes; more are thrown away.",
+    )
     lease_s: float = Field(
         default=30.0, gt=0, description="A worker that does not renew for this long has lost its job."
     )

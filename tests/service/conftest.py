@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import shutil
 import threading
@@ -105,13 +106,13 @@ def settings(shared_settings: Settings) -> Settings:
 
 
 @pytest.fixture
-def stores(shared_stores: Stores) -> Iterator[Stores]:
+def stores(shared_settings: Settings, shared_stores: Stores) -> Iterator[Stores]:
     """The stores, emptied afterwards."""
     yield shared_stores
     leftovers = list(shared_stores.blobs.scratch().iterdir())
     shared_stores.client.flushdb()
-    for folder in ("meshes", "jobs"):
-        shutil.rmtree(shared_stores.blobs.root / folder, ignore_errors=True)
+    for folder in ("blobs/meshes", "blobs/jobs", "cache"):
+        shutil.rmtree(shared_settings.data_dir / folder, ignore_errors=True)
     assert leftovers == [], "every scratch file is removed"
 
 
@@ -151,7 +152,8 @@ class Hand:
             data = dump_arrays({"vertices": np.asarray(mesh["vertices"]) * (1 + iteration)})
             key = layout.numbered(layout.snapshots(self.job_id), self.token, iteration)
             stat = self.stores.blobs.create(key, data)
-            snapshot = Snapshot(iteration, key, f"{iteration:064x}", stat.size, metrics, stat.created_at)
+            sha256 = hashlib.sha256(data).hexdigest()
+            snapshot = Snapshot(iteration, key, sha256, stat.size, metrics, stat.created_at)
             assert self.stores.jobs.add_snapshot(self.job_id, self.token, snapshot)
         assert self.stores.jobs.report(
             self.job_id, self.token, progress, [{"iteration": iteration, **metrics}]

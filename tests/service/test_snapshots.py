@@ -12,7 +12,7 @@ import httpx
 import numpy as np
 import pytest
 
-from service.conversion import load_mesh
+from service.arrays import load_mesh
 from spherify.formats import read_mesh
 from spherify.jobs.model import JobStatus
 from spherify.stores.connect import Stores
