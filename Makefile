@@ -41,7 +41,7 @@ format: setup-dev ## rewrite in the house format
 	$(BIN)/ruff format .
 
 test: setup-dev ## set up, then every test
-	$(BIN)/python -m pytest $(ARGS)
+	$(BIN)/python -m pytest --numprocesses auto --dist worksteal $(ARGS)
 
 bench: setup-dev ## measure a step against vtkCurvatures with numpy, as ratios in one run
 	$(BIN)/python -m benchmarks
