@@ -162,7 +162,7 @@ def probe(services: Services) -> dict[str, str]:
     probes: dict[str, Callable[[], object]] = {
         "jobs": stores.jobs.ping,
         "meshes": lambda: stores.meshes.find(limit=1),
-        "queue": stores.queue.pending,
+        "queue": stores.queue.length,
         "files": lambda: _files(services),
     }
     checks = {}

@@ -28,7 +28,7 @@ QUICK = {
     "SPHERIFY_LEASE_S": "1.5",
     "SPHERIFY_HEARTBEAT_S": "0.3",
     "SPHERIFY_RECONCILE_S": "0.3",
-    "SPHERIFY_ORPHAN_S": "1",
+    "SPHERIFY_ORPHAN_S": "2",
     "SPHERIFY_CANCEL_GRACE_S": "2",
 }
 """Settings with which lost jobs are found again in a moment."""

@@ -16,8 +16,10 @@ from spherify.stores.queue import VISIBILITY_S, broker_url, transport
 from worker import lifecycle
 from worker.cpus import available_cpus
 from worker.liveness import SignOfLife
+from worker.transport import install
 
 settings: Final = Settings()
+install()
 
 app: Final = Celery("spherify", broker=broker_url(settings.redis_url), include=["worker.tasks"])
 app.conf.update(

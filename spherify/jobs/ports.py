@@ -104,6 +104,14 @@ class Page(Generic[T]):
     next_cursor: str | None
 
 
+@dataclass(frozen=True, slots=True)
+class Revision:
+    """What tells whether a job has changed: its revision, and its place in the queue, which moves without one."""
+
+    rev: int
+    queue_position: int | None
+
+
 class JobStore(Protocol):
     """The live record of every job; every change of several keys is one script or transaction."""
 
@@ -113,6 +121,10 @@ class JobStore(Protocol):
 
     def get(self, job_id: str) -> Job:
         """Return one job; raises `JobNotFoundError`, or `JobGoneError` after a delete."""
+        ...
+
+    def revisions(self, job_ids: Sequence[str]) -> list[Revision | None]:
+        """Return where each of these jobs is, None where there is none, in one call however many they are."""
         ...
 
     def find(
@@ -182,16 +194,16 @@ class JobStore(Protocol):
 
     # What the reconciler calls.
 
-    def lost(self) -> list[str]:
-        """Free every job whose lease ran out and return those to be sent again; poison ones are failed."""
+    def lost(self, limit: int | None = None) -> list[str]:
+        """Free jobs whose lease ran out, the longest first; returns those to be sent again. Poison ones are failed."""
         ...
 
-    def waiting(self, older_than_s: float) -> list[str]:
+    def waiting(self, older_than_s: float, limit: int | None = None) -> list[str]:
         """Return accepted jobs queued for longer than that, oldest first."""
         ...
 
-    def unsettled(self) -> list[str]:
-        """Return ended and deleted jobs whose files are not in their last state yet, see `settle`."""
+    def unsettled(self, limit: int | None = None, *, after: str = "") -> list[str]:
+        """Return ended and deleted jobs whose files are not in their last state yet, by id; see `settle`."""
         ...
 
     def settled(self, job_id: str, *, deleted: bool) -> bool:
@@ -234,6 +246,10 @@ class JobQueue(Protocol):
         """Send one id; raises `StoreUnavailableError` within 2 s when the broker does not answer."""
         ...
 
-    def pending(self) -> set[str]:
-        """Return the ids that are in the queue or delivered and not acknowledged."""
+    def pending(self, start: int = 0, count: int = 1000) -> list[str]:
+        """Return ids in the queue, newest first, `count` at most from a place on; "" for a message of others."""
+        ...
+
+    def length(self) -> int:
+        """Return how many messages wait to be delivered."""
         ...

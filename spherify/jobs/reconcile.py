@@ -8,17 +8,20 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from spherify.jobs.errors import JobNotFoundError, StorageFullError
+from spherify.jobs.errors import JobNotFoundError, StorageFullError, StoreUnavailableError
+from spherify.jobs.orphans import Orphans
 from spherify.jobs.ports import BlobStore, JobQueue, JobStore
 from spherify.jobs.settle import settle
 
 SCRATCH_S: Final = 24 * 3600.0  # longer than any upload
 _SWEEP_S: Final = 600.0
+_LOST: Final = 1000  # jobs freed in one scan; the next one goes on
+_SETTLED: Final = 100  # jobs settled in one scan
 log = logging.getLogger(__name__)
 
 
@@ -47,41 +50,35 @@ class Reconciler:
         self._jobs = jobs
         self._queue = queue
         self._blobs = blobs
-        self._orphan_s = orphan_s
-        self._missing: frozenset[str] = frozenset()
+        self._orphans = Orphans(jobs, queue, orphan_s=orphan_s)
+        self._settled_to = ""
         self._swept_at = float("-inf")
 
     def scan(self) -> Scan:
         """Look once; raises `StoreUnavailableError`, after which the next scan makes up for it."""
-        lost = self._jobs.lost()
+        lost = self._jobs.lost(_LOST)
         for job_id in lost:
             log.warning("its lease ran out: sent again", extra={"job_id": job_id, "action": "reconcile-lost"})
             self._queue.send(job_id)
-        # In this order, so that a job taken in between is in neither list rather than in the wrong one.
-        pending = self._queue.pending()
-        waiting = frozenset(self._jobs.waiting(self._orphan_s))
-        missing = waiting - pending - frozenset(lost)
-        orphans = tuple(sorted(missing & self._missing))
+        orphans = self._orphans.look()
         for job_id in orphans:
             log.warning(
                 "waiting, and in no queue: sent again", extra={"job_id": job_id, "action": "reconcile-orphan"}
             )
             self._queue.send(job_id)
-        self._missing = missing - frozenset(orphans)
         return Scan(tuple(lost), orphans, self._settle(), self._sweep())
 
     def _settle(self) -> tuple[str, ...]:
-        settled = []
-        for job_id in self._jobs.unsettled():
-            extra = {"job_id": job_id, "action": "reconcile-settle"}
-            try:
-                settle(self._jobs, self._blobs, job_id)
-            except (StorageFullError, JobNotFoundError, OSError) as e:  # one job's trouble is not the others'
-                log.warning("not settled: %s", e, extra=extra)
-                continue
-            log.info("ended or deleted: its files are settled", extra=extra)
-            settled.append(job_id)
-        return tuple(settled)
+        """Settle the next jobs in order of their ids; after the last one it begins anew."""
+        ids = self._jobs.unsettled(_SETTLED, after=self._settled_to)
+        self._settled_to = ids[-1] if len(ids) == _SETTLED else ""
+        return tuple(job_id for job_id in ids if _tried(job_id, "settle", self._settle_one))
+
+    def _settle_one(self, job_id: str) -> None:
+        settle(self._jobs, self._blobs, job_id)
+        log.info(
+            "ended or deleted: its files are settled", extra={"job_id": job_id, "action": "reconcile-settle"}
+        )
 
     def _sweep(self) -> int:
         now = time.monotonic()
@@ -89,6 +86,22 @@ class Reconciler:
             return 0
         self._swept_at = now
         return sweep_scratch(self._blobs.scratch().iterdir(), SCRATCH_S)
+
+
+def _tried(name: str, action: str, do: Callable[[str], None]) -> bool:
+    """Do something to one job or mesh; its trouble is logged, and is not the others'."""
+    extra = {"job_id": name, "action": f"reconcile-{action}"}
+    try:
+        do(name)
+    except StoreUnavailableError:  # everybody's trouble
+        raise
+    except (StorageFullError, JobNotFoundError, OSError) as e:
+        log.warning("not done, and tried again: %s", e, extra=extra)
+        return False
+    except Exception:  # a file or record of another form than ours; the trace goes to the log
+        log.exception("not done, and tried again", extra=extra)
+        return False
+    return True
 
 
 def sweep_scratch(files: Iterable[Path], older_than_s: float) -> int:

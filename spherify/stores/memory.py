@@ -27,7 +27,7 @@ from spherify.jobs.model import (
     Progress,
     Snapshot,
 )
-from spherify.jobs.ports import CancelOutcome, Claim, ClaimOutcome, Page, Renewal
+from spherify.jobs.ports import CancelOutcome, Claim, ClaimOutcome, Page, Renewal, Revision
 from spherify.stores.redis_meshes import mesh_cursor
 
 _AT_WORK = (JobStatus.RUNNING, JobStatus.CANCELLING)
@@ -80,6 +80,12 @@ class MemoryJobStore:
             if entry.job.status is not JobStatus.ACCEPTED:
                 return entry.job
             return replace(entry.job, queue_position=self.waiting(0).index(job_id))
+
+    def revisions(self, job_ids: Sequence[str]) -> list[Revision | None]:
+        """Return where each of these jobs is, None where there is none."""
+        with self._lock:
+            jobs = [self.get(job_id) if job_id in self._entries else None for job_id in job_ids]
+        return [None if job is None else Revision(job.rev, job.queue_position) for job in jobs]
 
     def find(
         self,
@@ -249,18 +255,18 @@ class MemoryJobStore:
             )
             return True
 
-    def lost(self) -> list[str]:
-        """Free every job whose lease ran out and return those to be sent again; poison ones are failed."""
+    def lost(self, limit: int | None = None) -> list[str]:
+        """Free jobs whose lease ran out, the longest first; returns those to be sent again. Poison ones are failed."""
         with self._lock:
-            return [
-                job_id
-                for job_id, entry in self._entries.items()
-                if entry.job.status in _AT_WORK
-                and not self._leased(entry)
-                and self._lose(entry) is JobStatus.ACCEPTED
+            overdue = [
+                entry
+                for entry in self._entries.values()
+                if entry.job.status in _AT_WORK and not self._leased(entry)
             ]
+            overdue.sort(key=lambda entry: entry.job.lease_until or 0.0)
+            return [e.job.id for e in overdue[:limit] if self._lose(e) is JobStatus.ACCEPTED]
 
-    def waiting(self, older_than_s: float) -> list[str]:
+    def waiting(self, older_than_s: float, limit: int | None = None) -> list[str]:
         """Return accepted jobs queued for longer than that, oldest first."""
         with self._lock:
             till = self._clock() - older_than_s
@@ -269,12 +275,12 @@ class MemoryJobStore:
                 for i, e in self._entries.items()
                 if e.job.status is JobStatus.ACCEPTED and e.queued_at <= till
             ]
-            return [job_id for _, job_id in sorted(old)]
+            return [job_id for _, job_id in sorted(old)][:limit]
 
-    def unsettled(self) -> list[str]:
-        """Return ended and deleted jobs whose files are not in their last state yet."""
+    def unsettled(self, limit: int | None = None, *, after: str = "") -> list[str]:
+        """Return ended and deleted jobs whose files are not in their last state yet, by id."""
         with self._lock:
-            return sorted(self._unsettled)
+            return sorted(job_id for job_id in self._unsettled if job_id > after)[:limit]
 
     def settled(self, job_id: str, *, deleted: bool) -> bool:
         """Take a job off `unsettled`, as a deleted or an ended one; False if it is not that any more."""
@@ -362,7 +368,6 @@ class MemoryJobQueue:
 
     def __init__(self) -> None:
         self._waiting: list[str] = []
-        self._delivered: set[str] = set()
 
     def send(self, job_id: str) -> None:
         """Send one id."""
@@ -370,14 +375,12 @@ class MemoryJobQueue:
 
     def take(self) -> str:
         """Deliver the oldest id; raises `IndexError` when there is none."""
-        job_id = self._waiting.pop(0)
-        self._delivered.add(job_id)
-        return job_id
+        return self._waiting.pop(0)
 
-    def acknowledge(self, job_id: str) -> None:
-        """Forget a delivered id."""
-        self._delivered.discard(job_id)
+    def pending(self, start: int = 0, count: int = 1000) -> list[str]:
+        """Return ids in the queue, newest first, `count` at most from a place on."""
+        return self._waiting[::-1][start : start + count]
 
-    def pending(self) -> set[str]:
-        """Return the ids that are in the queue or delivered and not acknowledged."""
-        return {*self._waiting, *self._delivered}
+    def length(self) -> int:
+        """Return how many messages wait to be delivered."""
+        return len(self._waiting)

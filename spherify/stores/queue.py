@@ -1,7 +1,7 @@
 """Job ids through Celery: the one place outside of the worker that knows it.
 
 Only a hint: kombu pops a message and books it as delivered in two round trips, and what dies between them is
-gone. The reconciler compares `CeleryJobQueue.pending` with the records and sends again.
+gone. `spherify.jobs.orphans` compares `CeleryJobQueue.pending` with the records, and sends again.
 """
 
 from __future__ import annotations
@@ -33,8 +33,6 @@ TRANSPORT: Final = {
 """Transport options that every producer and consumer must share: the shortest visibility would win."""
 
 _BOUNDED: Final = {"max_retries": 1, "interval_start": 0, "interval_step": 0.1, "interval_max": 0.2}
-_PRIORITY_SEPARATOR: Final = "\x06\x16"
-_PRIORITIES: Final = (0, 3, 6, 9)  # kombu's lists of one queue
 
 
 class CeleryJobQueue:
@@ -63,17 +61,16 @@ class CeleryJobQueue:
         except OperationalError as e:
             raise StoreUnavailableError(f"the queue does not answer: {e}") from e
 
-    def pending(self) -> set[str]:
-        """Return the ids that are in the queue or delivered and not acknowledged."""
-        with reachable(), self._client.pipeline(transaction=True) as pipe:
-            for priority in _PRIORITIES:
-                name = f"{keys.QUEUE}{_PRIORITY_SEPARATOR}{priority}" if priority else keys.QUEUE
-                pipe.lrange(name, 0, -1)
-            pipe.hvals(keys.UNACKED)
-            *lists, delivered = pipe.execute()
-        messages = [json.loads(text) for part in lists for text in part]
-        messages += [json.loads(text)[0] for text in delivered]  # message, exchange, routing key
-        return {message["headers"]["id"] for message in messages}
+    def pending(self, start: int = 0, count: int = 1000) -> list[str]:
+        """Return ids in the queue, newest first, `count` at most from a place on; "" for a message of others."""
+        with reachable():
+            messages: list[str] = self._client.lrange(keys.QUEUE, start, start + count - 1)  # type: ignore[assignment] # client is not async
+        return [_job_of(message) for message in messages]
+
+    def length(self) -> int:
+        """Return how many messages wait to be delivered."""
+        with reachable():
+            return int(self._client.llen(keys.QUEUE))
 
     def keep(self, delivery_tag: str) -> None:
         """Say that a delivered message is still being worked on, so that it is not delivered again.
@@ -88,6 +85,15 @@ class CeleryJobQueue:
         """Close the connections."""
         self._celery.close()
         self._client.close()
+
+
+def _job_of(message: str) -> str:
+    """Return the job that a message names, "" for one that is not ours."""
+    try:
+        name = json.loads(message)["headers"]["id"]
+    except (ValueError, LookupError, TypeError):
+        return ""
+    return name if isinstance(name, str) else ""
 
 
 def broker_url(redis_url: str) -> str:

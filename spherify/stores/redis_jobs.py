@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
@@ -18,10 +19,12 @@ from spherify.jobs.errors import (
 )
 from spherify.jobs.ids import earliest_job_id, is_job_id
 from spherify.jobs.model import Job, JobSpec, JobStatus, Outcome, Progress, Snapshot
-from spherify.jobs.ports import CancelOutcome, Claim, ClaimOutcome, Page, Renewal
+from spherify.jobs.ports import CancelOutcome, Claim, ClaimOutcome, Page, Renewal, Revision
 from spherify.stores import keys
 from spherify.stores.client import Scripts, reachable
 from spherify.stores.records import fields_of, job_of
+
+log = logging.getLogger(__name__)
 
 TOMBSTONE_S: Final = 30 * 24 * 3600
 _CHUNK: Final = 200  # ids read at a time while a listing is filtered
@@ -52,6 +55,12 @@ class RedisJobStore:
         with reachable():
             gone = self._client.exists(keys.gone(job_id))
         raise JobGoneError(f"{job_id} was deleted") if gone else JobNotFoundError(f"there is no job {job_id}")
+
+    def revisions(self, job_ids: Sequence[str]) -> list[Revision | None]:
+        """Return where each of these jobs is, None where there is none, in one call however many they are."""
+        records = [keys.job(job_id) for job_id in job_ids]
+        found = self._scripts("revisions", [keys.QUEUED, *records], list(job_ids), common=False)
+        return [None if rev is None else Revision(int(rev), position) for rev, position in found]
 
     def find(
         self,
@@ -158,30 +167,25 @@ class RedisJobStore:
         args = [token, outcome.status, dump_record(outcome), *fields_of(outcome)]
         return bool(self._run("commit", job_id, args))
 
-    def lost(self) -> list[str]:
-        """Free every job whose lease ran out and return those to be sent again; poison ones are failed."""
-        seconds, microseconds = self._time()
-        with reachable():
-            overdue: list[str] = self._client.zrangebyscore(  # type: ignore[assignment] # client is not async
-                keys.LEASES, "-inf", seconds * 1000 + microseconds // 1000
-            )
-        return [
-            job_id
-            for job_id in overdue
-            if self._run("lose", job_id, ["", self._max_losses]) == JobStatus.ACCEPTED
-        ]
+    def lost(self, limit: int | None = None) -> list[str]:
+        """Free jobs whose lease ran out, the longest first; returns those to be sent again. Poison ones are failed."""
+        lost = []
+        for job_id in self._until(keys.LEASES, 0, limit):
+            try:
+                if self._run("lose", job_id, ["", self._max_losses]) == JobStatus.ACCEPTED:
+                    lost.append(job_id)
+            except redis.ResponseError:  # a record of another form: its trouble is not the others'
+                log.exception("its record cannot be read", extra={"job_id": job_id, "action": "lost"})
+        return lost
 
-    def waiting(self, older_than_s: float) -> list[str]:
+    def waiting(self, older_than_s: float, limit: int | None = None) -> list[str]:
         """Return accepted jobs queued for longer than that, oldest first."""
-        seconds, microseconds = self._time()
-        till = seconds * 1000 + microseconds // 1000 - round(older_than_s * 1000)
-        with reachable():
-            return self._client.zrangebyscore(keys.QUEUED, "-inf", till)  # type: ignore[return-value] # client is not async
+        return self._until(keys.QUEUED, older_than_s, limit)
 
-    def unsettled(self) -> list[str]:
-        """Return ended and deleted jobs whose files are not in their last state yet."""
+    def unsettled(self, limit: int | None = None, *, after: str = "") -> list[str]:
+        """Return ended and deleted jobs whose files are not in their last state yet, by id."""
         with reachable():
-            return self._client.zrange(keys.UNSETTLED, 0, -1)  # type: ignore[return-value] # client is not async
+            return self._client.zrangebylex(keys.UNSETTLED, f"({after}", "+", 0, _count(limit))  # type: ignore[return-value] # client is not async
 
     def settled(self, job_id: str, *, deleted: bool) -> bool:
         """Take a job off `unsettled`, as a deleted or an ended one; False if it is not that any more."""
@@ -199,9 +203,12 @@ class RedisJobStore:
         with reachable():
             self._client.ping()
 
-    def _time(self) -> tuple[int, int]:
+    def _until(self, index: str, ago_s: float, limit: int | None) -> list[str]:
+        """Return the ids of an index by time whose moment was that long ago, by the server's clock."""
         with reachable():
-            return self._client.time()
+            seconds, microseconds = self._client.time()
+            till = seconds * 1000 + microseconds // 1000 - round(ago_s * 1000)
+            return self._client.zrangebyscore(index, "-inf", till, 0, _count(limit))  # type: ignore[return-value] # client is not async
 
     def _run(self, name: str, job_id: str, args: list[Any], *, more_keys: Sequence[str] = ()) -> Any:  # noqa: ANN401
         record = [keys.job(job_id), keys.QUEUED, keys.LEASES, keys.UNSETTLED, keys.BY_STATUS]
@@ -228,6 +235,10 @@ class RedisJobStore:
                 pipe.zrank(keys.QUEUED, job_id)
                 record, snapshots, position = pipe.execute()
             yield job_of(record, snapshots, position) if record else None
+
+
+def _count(limit: int | None) -> int:
+    return -1 if limit is None else limit  # as the server counts
 
 
 def _loads(row: str) -> dict[str, float | int]:

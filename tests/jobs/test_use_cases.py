@@ -24,6 +24,7 @@ from spherify.jobs.errors import (
 )
 from spherify.jobs.ids import earliest_job_id, is_job_id, job_id_at, new_job_id
 from spherify.jobs.model import JobError, JobStatus, Outcome, Progress, Snapshot
+from spherify.jobs.orphans import Orphans
 from spherify.jobs.ports import BlobStat, CancelOutcome
 from spherify.jobs.reconcile import Reconciler, sweep_scratch
 from spherify.jobs.results import Result, publish_result, read_result, write_result
@@ -62,7 +63,7 @@ def test_a_submitted_job_is_durable_recorded_and_sent(world: World) -> None:
     job = submit(world.jobs, world.blobs, world.queue, spec)
     assert job.status is JobStatus.ACCEPTED
     assert load_spec(world.blobs.read(layout.spec(spec.id))) == spec
-    assert world.queue.pending() == {spec.id}
+    assert world.queue.pending() == [spec.id]
     assert submit(world.jobs, world.blobs, world.queue, spec) == job
 
 
@@ -80,7 +81,7 @@ def test_a_job_on_a_mesh_that_is_gone_leaves_no_trace(world: World) -> None:
     with pytest.raises(JobNotFoundError):
         world.jobs.get(spec.id)
     assert list(world.blobs.list("")) == []
-    assert world.queue.pending() == set()
+    assert world.queue.pending() == []
 
 
 def test_a_job_no_queue_holds_is_sent_after_two_scans(world: World) -> None:
@@ -91,12 +92,29 @@ def test_a_job_no_queue_holds_is_sent_after_two_scans(world: World) -> None:
     world.now[0] += 16
     assert reconciler.scan().orphans == ()  # missed once: it may be on its way
     assert reconciler.scan().orphans == (spec.id,)
-    assert world.queue.pending() == {spec.id}
-    assert reconciler.scan().orphans == ()
-    assert world.queue.take() == spec.id
-    assert [reconciler.scan().orphans for _ in range(3)] == [(), (), ()]  # delivered and not acknowledged
-    world.queue.acknowledge(spec.id)
-    assert [reconciler.scan().orphans for _ in range(2)] == [(), (spec.id,)]
+    assert world.queue.pending() == [spec.id]
+    assert [reconciler.scan().orphans for _ in range(3)] == [(), (), ()]
+    assert world.queue.take() == spec.id  # and whoever has it dies before the claim
+    assert [reconciler.scan().orphans for _ in range(3)] == [(), (spec.id,), ()]
+
+
+def test_a_long_queue_is_read_in_slices_and_nothing_in_it_is_sent_twice(world: World) -> None:
+    specs = [job_spec() for _ in range(7)]
+    for spec in specs:
+        submit(world.jobs, world.blobs, BrokenQueue() if spec is specs[2] else world.queue, spec)
+    world.now[0] += 100
+    orphans = Orphans(world.jobs, world.queue, orphan_s=15, slice_=2)
+    found: list[str] = []
+    for _ in range(8):  # two rounds of four looks
+        newcomer = job_spec()
+        submit(world.jobs, world.blobs, world.queue, newcomer)  # moves what the round has not seen yet
+        found += orphans.look()
+        if world.queue.length() > 4:
+            world.jobs.claim(world.queue.take(), "w")
+    for _ in range(20):
+        found += orphans.look()
+    assert found[:1] == [specs[2].id]
+    assert set(found) == {specs[2].id}
 
 
 def test_a_job_whose_lease_ran_out_is_sent_again_until_it_is_poison(world: World) -> None:
@@ -104,7 +122,7 @@ def test_a_job_whose_lease_ran_out_is_sent_again_until_it_is_poison(world: World
     submit(world.jobs, world.blobs, world.queue, spec)
     reconciler = Reconciler(world.jobs, world.queue, world.blobs, orphan_s=15)
     for expected in ((spec.id,), ()):
-        world.queue.acknowledge(world.queue.take())
+        world.queue.take()
         world.jobs.claim(spec.id, "w")
         assert reconciler.scan().lost == ()
         world.now[0] += 31

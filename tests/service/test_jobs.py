@@ -36,7 +36,7 @@ def test_one_form_uploads_and_submits(client: httpx.Client, stores: Stores) -> N
     assert job["started_at"] is job["finished_at"] is job["error"] is job["metrics"] is None
     assert client.get(job["links"]["self"]).json() == job
     assert client.get(job["links"]["mesh"]).json()["name"] == "bunny.obj"
-    assert stores.queue.pending() == {job["id"]}
+    assert stores.queue.pending() == [job["id"]]
     assert stores.blobs.stat(layout.spec(job["id"])) is not None
 
 
@@ -198,7 +198,7 @@ def test_a_refused_mesh_makes_no_job(client: httpx.Client, stores: Stores) -> No
     answer = client.post("/v1/jobs", files={"file": ("open.obj", OPEN)})
     problem(answer, 422, "mesh-not-closed")
     assert client.get("/v1/jobs").json()["items"] == []
-    assert stores.queue.pending() == set()
+    assert stores.queue.pending() == []
     assert (
         client.post("/v1/jobs", files={"file": ("open.obj", OPEN)}, data={"allow": "boundary"}).status_code
         == 201

@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -21,6 +22,7 @@ from spherify.jobs.ports import CancelOutcome
 from spherify.jobs.results import Result, read_result
 from spherify.jobs.submit import submit
 from spherify.parameters import resolve
+from spherify.stores import keys
 from spherify.stores.arrays import load_arrays
 from tests.jobs.examples import ENDLESS, job_spec, mesh_record, stone, store_mesh
 from tests.stack import Stack, started_stack, wait_for
@@ -79,7 +81,12 @@ def log_lines(stack: Stack, job_id: str) -> list[dict[str, object]]:
 
 
 def actions(stack: Stack, job_id: str) -> list[object]:
-    return [line["action"] for line in log_lines(stack, job_id)]
+    """Return what the log says of a job, without second deliveries: on a busy machine it may be sent again."""
+    return [
+        line["action"]
+        for line in log_lines(stack, job_id)
+        if line["action"] not in {"drop", "reconcile-orphan"}
+    ]
 
 
 def runner_of(stack: Stack, job_id: str) -> int:
@@ -199,9 +206,39 @@ def test_a_message_delivered_many_times_runs_once(stack: Stack) -> None:
     for _ in range(5):
         stack.stores.queue.send(job_id)
     finished(stack, job_id)
-    wait_for(lambda: sum(line["action"] == "drop" for line in log_lines(stack, job_id)) == 5)
+    wait_for(lambda: sum(line["action"] == "drop" for line in log_lines(stack, job_id)) >= 5)
     assert stack.stores.jobs.get(job_id).attempt == 1
     wait_for(lambda: not stack.stores.queue.pending())
+
+
+def test_a_worker_that_cannot_say_that_it_is_done_goes_on_consuming(stack: Stack) -> None:
+    first = submitted(stack, job_spec(**ENDLESS, snapshots="2"))
+    under_way(stack, first, 2)
+    worker = stack.workers["0"].pid
+    os.kill(worker, signal.SIGSTOP)  # the process that would acknowledge, not the one that ends the job
+    cancel(stack.stores.jobs, stack.stores.blobs, first)
+    finished(stack, first)
+    assert stack.server.pid is not None
+    os.kill(stack.server.pid, signal.SIGKILL)
+    wait_for(lambda: not stack.server.alive)
+    os.kill(worker, signal.SIGCONT)
+    wait_for(lambda: "Couldn't ack" in stack.log("worker-0").read_text())
+    stack.server.start()
+    assert finished(stack, submitted(stack, job_spec(iterations=2))).status is JobStatus.SUCCESSFUL
+    assert stack.workers["0"].pid == worker
+    stack.stores.client.delete(keys.UNACKED, keys.UNACKED_INDEX)  # or it is delivered again in two minutes
+
+
+def test_a_job_whose_message_died_with_its_consumer_is_sent_again(stack: Stack) -> None:
+    stack.stop_worker("0")
+    job_id = submitted(stack, job_spec(iterations=2))
+    message = stack.stores.client.rpop(keys.QUEUE)  # as kombu takes one, and books it as delivered
+    stack.stores.client.hset(keys.UNACKED, "lost", json.dumps([json.loads(str(message)), "", keys.QUEUE]))
+    stack.stores.client.zadd(keys.UNACKED_INDEX, {"lost": time.time()})
+    stack.start_worker("0")
+    assert finished(stack, job_id).status is JobStatus.SUCCESSFUL
+    assert stack.stores.client.hexists(keys.UNACKED, "lost")  # long before the visibility timeout
+    stack.stores.client.delete(keys.UNACKED, keys.UNACKED_INDEX)
 
 
 def test_a_job_recorded_but_never_sent_is_found(stack: Stack) -> None:
