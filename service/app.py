@@ -69,7 +69,14 @@ def _middleware(settings: Settings) -> list[Middleware]:
         Cors,
         allow_origins=settings.cors_origins,
         allow_methods=["GET", "HEAD", "POST", "PUT", "DELETE"],
-        allow_headers=["Content-Type", "If-None-Match", "If-Range", "Range", REQUEST_ID],
+        allow_headers=[
+            "Content-Type",
+            "Idempotency-Key",
+            "If-None-Match",
+            "If-Range",
+            "Range",
+            REQUEST_ID,
+        ],
         expose_headers=EXPOSED,
     )
     guard = Middleware(ErrorGuard)

@@ -12,6 +12,7 @@ from starlette.requests import Request
 from service.cache import FileCache
 from service.intake import Intake
 from spherify.jobs.ports import BlobStore, JobQueue, JobStore, MeshStore
+from spherify.jobs.repeats import RepeatStore
 from spherify.settings import Settings
 
 CONVERSIONS: Final = 4  # at once: the text of a large mesh takes a few hundred megabytes
@@ -36,6 +37,10 @@ class Stores(Protocol):
     @property
     def queue(self) -> JobQueue:
         """The way to the workers."""
+
+    @property
+    def repeats(self) -> RepeatStore:
+        """Requests that may be sent twice."""
 
     def close(self) -> None:
         """Close the connections."""

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from service.problems import MEDIA_TYPE, PROBLEMS, ProblemError
+from service.problem_types import PROBLEMS
+from service.problems import MEDIA_TYPE, ProblemError
 from service.requests import JobRequest
 from spherify.formats import ALLOW, FORMATS_IN, FORMATS_OUT, media_type
 from spherify.parameters import Parameters
@@ -12,6 +13,7 @@ from spherify.parameters import Parameters
 Responses = dict[int | str, dict[str, Any]]
 EVERYWHERE: Final = ("internal-error",)
 STORES: Final = ("not-ready",)
+REPEATS: Final = ("idempotency-in-progress", "idempotency-key-reused")
 UPLOAD: Final = (
     "request-timeout",
     "upload-too-large",

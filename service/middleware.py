@@ -29,6 +29,7 @@ EXPOSED: Final = (
     "Content-Range",
     "Accept-Ranges",
     "Allow",
+    "Idempotent-Replayed",
     REQUEST_ID,
 )
 _ID: Final = re.compile(r"[A-Za-z0-9._-]{1,64}")

@@ -7,7 +7,7 @@ import json
 import re
 from typing import Any, Final
 
-from service.problems import PROBLEMS, ProblemType
+from service.problem_types import PROBLEMS, ProblemType
 from spherify import __version__
 
 _STYLE: Final = """

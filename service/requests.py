@@ -18,7 +18,7 @@ from spherify.formats.names import safe_stem
 from spherify.geometry.errors import InvalidConfigError
 from spherify.geometry.presets import DEFAULT_PRESET, PRESETS
 from spherify.geometry.schedule import SnapshotPlan
-from spherify.jobs.ids import new_job_id
+from spherify.jobs.ids import time_of
 from spherify.jobs.model import JobSpec, MeshRecord
 from spherify.parameters import ParameterOverrides, Parameters, resolve
 from spherify.settings import Settings
@@ -107,9 +107,8 @@ class JobPlan:
     name: str | None
     tags: tuple[str, ...]
 
-    def spec(self, mesh: MeshRecord, name: str | None = None) -> JobSpec:
-        """Return the job this is, on a mesh, under a new identifier."""
-        job_id, created_at = new_job_id()
+    def spec(self, mesh: MeshRecord, job_id: str, name: str | None = None) -> JobSpec:
+        """Return the job this is, on a mesh, under an identifier."""
         return JobSpec(
             id=job_id,
             mesh_id=mesh.id,
@@ -118,8 +117,18 @@ class JobPlan:
             preset=self.preset,
             parameters=self.parameters.model_dump(mode="json"),
             snapshots_requested=self.snapshots,
-            created_at=created_at,
+            created_at=time_of(job_id),
         )
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return what is asked, JSON-ready: equal for requests that mean the same."""
+        return {
+            "preset": self.preset,
+            "parameters": self.parameters.model_dump(mode="json"),
+            "snapshots": list(self.snapshots),
+            "name": self.name,
+            "tags": list(self.tags),
+        }
 
 
 def parse_json(text: bytes) -> JobRequest:

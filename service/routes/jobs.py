@@ -18,14 +18,15 @@ from service.identifiers import JobId
 from service.paging import DEFAULT_LIMIT, Cursor, Limit, link_header, links
 from service.problems import ProblemError, invalid
 from service.queries import KNOWN_QUERY
-from service.requests import TAG, JobPlan, parse_allow, parse_form, parse_json, plan, plan_form
+from service.repeats import IDEMPOTENT, once
+from service.requests import TAG, JobPlan, JobRequest, parse_allow, parse_form, parse_json, plan, plan_form
 from service.schemas import JobOut, PageOut, job_out
 from service.snapshots import retry_after_s
 from service.uploads import small_body
 from spherify.jobs.cancel import cancel
 from spherify.jobs.delete import delete_job
 from spherify.jobs.errors import MeshNotFoundError, StoreUnavailableError
-from spherify.jobs.model import Job, JobStatus, MeshRecord
+from spherify.jobs.model import Job, JobSpec, JobStatus
 from spherify.jobs.ports import CancelOutcome
 from spherify.jobs.submit import submit
 
@@ -43,17 +44,17 @@ def _answer(request: Request, job: Job, status: HTTPStatus = HTTPStatus.OK) -> R
     return json_answer(request, job_out(job), status=status, etag=f'W/"{job.rev}{position}"', headers=headers)
 
 
-def _submit(services: Services, planned: JobPlan, mesh: MeshRecord, name: str | None = None) -> Job:
+def _submit(services: Services, spec: JobSpec) -> Job:
     stores = services.stores
-    job = submit(stores.jobs, stores.blobs, stores.queue, planned.spec(mesh, name))
-    log.info("submitted", extra={"action": "submit", "job_id": job.id, "mesh_id": mesh.id})
+    job = submit(stores.jobs, stores.blobs, stores.queue, spec)
+    log.info("submitted", extra={"action": "submit", "job_id": job.id, "mesh_id": spec.mesh_id})
     return job
 
 
-def _submit_known(services: Services, planned: JobPlan, mesh_id: str, pointer: str) -> Job:
+def _submit_known(services: Services, planned: JobPlan, asked: JobRequest, job_id: str, pointer: str) -> Job:
     try:
-        mesh = services.stores.meshes.get(mesh_id)
-        return _submit(services, planned, mesh)  # which finds out if it was deleted meanwhile
+        mesh = services.stores.meshes.get(asked.mesh_id)
+        return _submit(services, planned.spec(mesh, job_id))  # which finds out if it was deleted meanwhile
     except MeshNotFoundError as e:
         raise invalid(pointer, "unknown", str(e)) from e
 
@@ -61,7 +62,7 @@ def _submit_known(services: Services, planned: JobPlan, mesh_id: str, pointer: s
 @router.post(
     "",
     operation_id="createJob",
-    dependencies=[KNOWN_QUERY],
+    dependencies=[KNOWN_QUERY, IDEMPOTENT],
     summary="Morph a mesh",
     status_code=HTTPStatus.CREATED,
     response_model=JobOut,
@@ -72,6 +73,7 @@ def _submit_known(services: Services, planned: JobPlan, mesh_id: str, pointer: s
             "malformed-json",
             "unsupported-media-type",
             "invalid-parameters",
+            *doc.REPEATS,
             *doc.UPLOAD,
             *doc.STORES,
         ),
@@ -91,28 +93,45 @@ async def create_job(request: Request, context: Context) -> Response:
         text = await small_body(request, MAX_JSON_BYTES, context.settings.upload_timeout_s)
         asked = parse_json(text)
         planned = plan(asked, context.settings)
-        job = await to_thread.run_sync(_submit_known, context, planned, asked.mesh_id, "#/mesh_id")
-    elif kind == FORM:
-        job = await _from_form(request, context)
-    else:
-        raise ProblemError(
-            "unsupported-media-type", f"send multipart/form-data or application/json, not {kind!r}"
-        )
-    return _answer(request, job, HTTPStatus.CREATED)
+        return await _on_known_mesh(request, context, planned, asked, "#/mesh_id")
+    if kind == FORM:
+        return await _from_form(request, context)
+    raise ProblemError(
+        "unsupported-media-type", f"send multipart/form-data or application/json, not {kind!r}"
+    )
 
 
-async def _from_form(request: Request, services: Services) -> Job:
+async def _on_known_mesh(
+    request: Request, services: Services, planned: JobPlan, asked: JobRequest, pointer: str
+) -> Response:
+    async def act(job_id: str) -> Response:
+        job = await to_thread.run_sync(_submit_known, services, planned, asked, job_id, pointer)
+        return _answer(request, job, HTTPStatus.CREATED)
+
+    content = [asked.mesh_id, planned.as_dict()]
+    return await once(request, services.stores.repeats, content, act)
+
+
+async def _from_form(request: Request, services: Services) -> Response:
     async with multipart(request, services.stores.blobs, services.settings) as form:
-        asked = parse_form(form.fields, None if form.file is None else NO_MESH)
+        file = form.file
+        asked = parse_form(form.fields, None if file is None else NO_MESH)
         planned = plan_form(asked, form.fields, services.settings)
-        if form.file is None:
-            return await to_thread.run_sync(_submit_known, services, planned, asked.mesh_id, "form/mesh_id")
+        if file is None:
+            return await _on_known_mesh(request, services, planned, asked, "form/mesh_id")
         allow = parse_allow(form.fields.get("allow", ()), "form/allow")
-        mesh, _ = await services.intake.accept(form.file, allow)
-        try:
-            return await to_thread.run_sync(_submit, services, planned, mesh, form.file.name)
-        except MeshNotFoundError as e:
-            raise StoreUnavailableError("this mesh was deleted at the same moment: send it again") from e
+
+        async def act(job_id: str) -> Response:
+            mesh, _ = await services.intake.accept(file, allow)
+            spec = planned.spec(mesh, job_id, file.name)
+            try:
+                job = await to_thread.run_sync(_submit, services, spec)
+            except MeshNotFoundError as e:
+                raise StoreUnavailableError("this mesh was deleted at the same moment: send it again") from e
+            return _answer(request, job, HTTPStatus.CREATED)
+
+        content = [file.sha256, file.name, sorted(allow), planned.as_dict()]
+        return await once(request, services.stores.repeats, content, act)
 
 
 @router.get(

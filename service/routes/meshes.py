@@ -17,6 +17,7 @@ from service.identifiers import MeshFormat, MeshId
 from service.paging import DEFAULT_LIMIT, Cursor, Limit, link_header, links
 from service.problems import invalid
 from service.queries import KNOWN_QUERY
+from service.repeats import IDEMPOTENT, once
 from service.requests import MAX_NAME, parse_allow
 from service.schemas import MeshOut, PageOut, mesh_out
 from service.uploads import raw_upload
@@ -26,7 +27,12 @@ from spherify.jobs.model import MeshRecord
 router = APIRouter(prefix="/v1/meshes", tags=["Meshes"])
 _KNOWN = {"description": "These bytes are known already: the record they have.", "headers": doc.LOCATION}
 _UPLOADED = doc.problems(
-    "malformed-multipart", "unsupported-media-type", "invalid-parameters", *doc.UPLOAD, *doc.STORES
+    "malformed-multipart",
+    "unsupported-media-type",
+    "invalid-parameters",
+    *doc.REPEATS,
+    *doc.UPLOAD,
+    *doc.STORES,
 )
 _UPLOADED_RAW = doc.problems("invalid-parameters", *doc.UPLOAD, *doc.STORES)
 
@@ -40,7 +46,7 @@ def _answer(request: Request, record: MeshRecord, new: bool) -> Response:
 @router.post(
     "",
     operation_id="createMesh",
-    dependencies=[KNOWN_QUERY],
+    dependencies=[KNOWN_QUERY, IDEMPOTENT],
     summary="Upload a mesh as a form",
     status_code=HTTPStatus.CREATED,
     response_model=MeshOut,
@@ -59,12 +65,18 @@ async def create_mesh(request: Request, context: Context) -> Response:
     the report. The same bytes with the same switches are the same mesh, so that sending them again is harmless.
     """
     async with multipart(request, context.stores.blobs, context.settings) as form:
-        if form.file is None:
+        file = form.file
+        if file is None:
             raise invalid("form/file", "missing", "the form needs the file of a mesh")
         if unknown := sorted(form.fields.keys() - {"allow"}):
             raise invalid(f"form/{unknown[0][:80]}", "unknown", "the fields are file and allow")
         allow = parse_allow(form.fields.get("allow", ()), "form/allow")
-        return _answer(request, *await context.intake.accept(form.file, allow))
+
+        async def act(_: str) -> Response:
+            return _answer(request, *await context.intake.accept(file, allow))
+
+        content = [file.sha256, file.name, sorted(allow)]
+        return await once(request, context.stores.repeats, content, act)
 
 
 @router.put(

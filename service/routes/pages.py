@@ -6,7 +6,8 @@ from fastapi import APIRouter, Request
 from starlette.responses import HTMLResponse, JSONResponse, Response
 
 from service import pages
-from service.problems import PROBLEMS, ProblemError
+from service.problem_types import PROBLEMS
+from service.problems import ProblemError
 
 router = APIRouter(include_in_schema=False)
 

@@ -12,7 +12,9 @@ JobsError
 │   └── BlobNotFoundError
 ├── ConflictError
 │   ├── JobNotFinishedError
-│   └── MeshInUseError
+│   ├── MeshInUseError
+│   ├── KeyReusedError
+│   └── RequestInProgressError
 └── InvalidCursorError
 """
 
@@ -67,6 +69,14 @@ class JobNotFinishedError(ConflictError):
 
 class MeshInUseError(ConflictError):
     """A job names this mesh: delete the job first."""
+
+
+class KeyReusedError(ConflictError):
+    """This Idempotency-Key came with another request before: take a new key for a new request."""
+
+
+class RequestInProgressError(ConflictError):
+    """A request with this Idempotency-Key is being carried out: ask again in a moment."""
 
 
 class InvalidCursorError(JobsError):

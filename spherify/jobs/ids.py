@@ -18,6 +18,11 @@ def new_job_id() -> tuple[str, float]:
     return f"job_{ulid}", ulid.timestamp
 
 
+def time_of(job_id: str) -> float:
+    """Return when an identifier was made, in seconds since the epoch."""
+    return ULID.from_str(job_id.removeprefix("job_")).timestamp
+
+
 def job_id_at(seconds: float) -> str:
     """Return an identifier of a given time of creation, in seconds since the epoch."""
     return f"job_{ULID.from_timestamp(float(seconds))}"

@@ -12,6 +12,7 @@ from spherify.stores.client import connect
 from spherify.stores.queue import CeleryJobQueue
 from spherify.stores.redis_jobs import RedisJobStore
 from spherify.stores.redis_meshes import RedisMeshStore
+from spherify.stores.repeats import RedisRepeatStore
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,6 +23,7 @@ class Stores:
     meshes: RedisMeshStore
     blobs: FolderBlobStore
     queue: CeleryJobQueue
+    repeats: RedisRepeatStore
     client: redis.Redis
 
     def close(self) -> None:
@@ -44,5 +46,6 @@ def open_stores(settings: Settings, *, timeout_s: float = 0.5) -> Stores:
         meshes=RedisMeshStore(client),
         blobs=FolderBlobStore(settings.data_dir / "blobs"),
         queue=CeleryJobQueue(settings.redis_url, timeout_s=timeout_s),
+        repeats=RedisRepeatStore(client),
         client=client,
     )

@@ -77,3 +77,8 @@ def gone(job_id: str) -> str:
 def mesh(mesh_id: str) -> str:
     """Record of a mesh (JSON). Until it is deleted; bounded by its report."""
     return f"{PREFIX}mesh:{mesh_id}"
+
+
+def repeat(key: str) -> str:
+    """Hash: what is kept of a request under its Idempotency-Key: fingerprint, identity, answer. One day."""
+    return f"{PREFIX}repeat:{key}"

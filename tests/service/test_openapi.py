@@ -7,7 +7,8 @@ from typing import Any
 import pytest
 
 from service.openapi import text
-from service.problems import MEDIA_TYPE, PROBLEMS
+from service.problem_types import PROBLEMS
+from service.problems import MEDIA_TYPE
 
 COMMITTED = Path(__file__).resolve().parents[2] / "openapi" / "openapi.json"
 DOCUMENT: dict[str, Any] = json.loads(COMMITTED.read_text())

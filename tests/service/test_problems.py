@@ -9,7 +9,8 @@ import httpx
 import pytest
 
 import service.intake
-from service.problems import MEDIA_TYPE, PROBLEMS
+from service.problem_types import PROBLEMS
+from service.problems import MEDIA_TYPE
 from spherify.settings import Settings
 from spherify.stores.connect import Stores, open_stores
 from tests.service.conftest import OCTAHEDRON, OPEN, Hand, problem, serve
@@ -134,6 +135,27 @@ def deleted(world: World) -> httpx.Response:
     return world.client.get(url)
 
 
+def keyed(world: World, iterations: str) -> httpx.Response:
+    return world.client.post(
+        "/v1/jobs",
+        files={"file": ("o.obj", OCTAHEDRON)},
+        data={"iterations": iterations},
+        headers={"Idempotency-Key": "k"},
+    )
+
+
+def reused(world: World) -> httpx.Response:
+    assert keyed(world, "1").status_code == 201
+    return keyed(world, "2")
+
+
+def in_progress(world: World) -> httpx.Response:
+    with world.patch.context() as patch:
+        patch.setattr(world.stores.repeats, "answered", lambda *_: None)  # it never comes to that
+        assert keyed(world, "1").status_code == 201
+    return keyed(world, "1")
+
+
 PRODUCERS: dict[str, Callable[[World], httpx.Response]] = {
     "malformed-multipart": lambda w: w.client.post(
         "/v1/jobs", content=b"x", headers={"Content-Type": "multipart/form-data"}
@@ -149,6 +171,8 @@ PRODUCERS: dict[str, Callable[[World], httpx.Response]] = {
     "method-not-allowed": lambda w: w.client.patch("/v1/jobs"),
     "not-acceptable": lambda w: snapshot(w, "0", Accept="image/png"),
     "request-timeout": stalled,
+    "idempotency-in-progress": in_progress,
+    "idempotency-key-reused": reused,
     "job-already-finished": lambda w: w.client.post(finished(w) + "/cancel"),
     "job-not-finished": lambda w: w.client.delete(f"/v1/jobs/{w.submit().job_id}"),
     "mesh-in-use": lambda w: w.client.delete(f"/v1/meshes/{w.submit().job().spec.mesh_id}"),

@@ -1,0 +1,56 @@
+"""A request that may be sent twice and is to be carried out once: what is kept under its Idempotency-Key.
+
+    begin ─► busy ─► answered        the answer is kept, and given to whoever asks the same again
+               │
+               ├──► free             it is not known whether it took effect: the next one begins with the same identity
+               └──► (forgotten)      it was refused, and had no effect
+
+The identity is that of what the request makes. It is fixed before anything is made, so that a repetition after a
+crash makes the same thing, not a second one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+
+@dataclass(frozen=True, slots=True)
+class Beginning:
+    """What `RepeatStore.begin` found.
+
+    Attributes:
+        identity: of what is to be made: the one given, or that of an earlier attempt at the same request.
+        answer: what was answered before; None if the request is to be carried out.
+
+    """
+
+    identity: str
+    answer: str | None = None
+
+
+class RepeatStore(Protocol):
+    """Requests by key; what is kept is forgotten after a day."""
+
+    def begin(self, key: str, fingerprint: str, identity: str) -> Beginning:
+        """Take a request up.
+
+        Raises:
+            KeyReusedError: the key came with another request before.
+            RequestInProgressError: the same request is being carried out.
+            StoreUnavailableError: nothing may be done: it could be done twice.
+
+        """
+        ...
+
+    def answered(self, key: str, answer: str) -> None:
+        """Keep the answer."""
+        ...
+
+    def free(self, key: str) -> None:
+        """Let the next one with this key carry it out, under the same identity."""
+        ...
+
+    def forget(self, key: str) -> None:
+        """Let the key be used for anything."""
+        ...

@@ -1,0 +1,48 @@
+"""Requests under their Idempotency-Keys, in a Redis-protocol server: see `spherify.jobs.repeats`."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import redis
+
+from spherify.jobs.errors import KeyReusedError, RequestInProgressError
+from spherify.jobs.repeats import Beginning
+from spherify.stores import keys
+from spherify.stores.client import Scripts, reachable
+
+KEPT_S: Final = 24 * 3600
+BUSY_S: Final = 60.0  # then whoever took the request up is dead, or so slow that its identity must do
+
+
+class RedisRepeatStore:
+    """A `spherify.jobs.repeats.RepeatStore`."""
+
+    def __init__(self, client: redis.Redis, *, busy_s: float = BUSY_S) -> None:
+        self._client = client
+        self._scripts = Scripts(client)
+        self._busy_ms = round(busy_s * 1000)
+
+    def begin(self, key: str, fingerprint: str, identity: str) -> Beginning:
+        """Take a request up; raises `KeyReusedError`, `RequestInProgressError`."""
+        args = [fingerprint, identity, self._busy_ms, KEPT_S]
+        found, content = self._scripts("begin", [keys.repeat(key)], args, common=False)
+        if found == "reused":
+            raise KeyReusedError
+        if found == "busy":
+            raise RequestInProgressError
+        return Beginning(content) if found == "begun" else Beginning("", content)
+
+    def answered(self, key: str, answer: str) -> None:
+        """Keep the answer."""
+        self._scripts("answered", [keys.repeat(key)], [answer], common=False)
+
+    def free(self, key: str) -> None:
+        """Let the next one with this key carry it out, under the same identity."""
+        with reachable():
+            self._client.hdel(keys.repeat(key), "busy_until")
+
+    def forget(self, key: str) -> None:
+        """Let the key be used for anything."""
+        with reachable():
+            self._client.delete(keys.repeat(key))
