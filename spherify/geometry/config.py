@@ -7,10 +7,11 @@ ours (window, step bound, relaxation, momentum, rescale, annealing) says so.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeAlias
 
 from spherify.geometry.errors import InvalidConfigError
 
+Method = Literal["curvature", "conformal", "mean-curvature"]
 Measure = Literal["vtk", "length", "dual-area"]
 StepUnit = Literal["absolute", "initial-mean-edge", "mean-edge"]
 Rescale = Literal["none", "area", "volume"]
@@ -80,6 +81,7 @@ class FlowConfig:
         stop_radius_variation: the run ends as ``converged`` below this radius variation, unless a face
             looks inward; 0 is off.
         boundary: whether vertices on an open boundary move. Closed meshes have none.
+        method: its name.
 
     """
 
@@ -97,6 +99,7 @@ class FlowConfig:
     annealing: Annealing | None = None
     stop_radius_variation: float = 0.0
     boundary: Boundary = "fixed"
+    method: Literal["curvature"] = "curvature"
 
     def __post_init__(self) -> None:
         low, high = self.window
@@ -120,3 +123,48 @@ class FlowConfig:
         for holds, sentence in checks:
             if not holds:
                 raise InvalidConfigError(sentence)
+
+
+@dataclass(frozen=True, slots=True)
+class ImplicitFlowConfig:
+    """Every parameter of one run of a mean curvature flow, in implicit steps of time.
+
+    Attributes:
+        iterations: steps at most.
+        method: ``mean-curvature``, or ``conformal``, which has no singularities (Kazhdan, Solomon, Ben-Chen 2012).
+        time_step: δ, in units of the surface's area at the start.
+        rescale: what is restored about the centroid after each iteration.
+        patience: the run ends as ``stalled`` after so many iterations without a rise of the best sphericity by
+            1e-4; 0 is off.
+        stop_radius_variation: the run ends as ``converged`` below this radius variation, unless a face
+            looks inward; 0 is off.
+        measure: of the vertex curvature in the figures; the flow does not depend on it.
+        boundary: whether vertices on an open boundary move. Closed meshes have none.
+
+    """
+
+    iterations: int
+    method: Literal["conformal", "mean-curvature"]
+    time_step: float
+    rescale: Rescale = "area"
+    patience: int = 0
+    stop_radius_variation: float = 0.0
+    measure: Measure = "vtk"
+    boundary: Boundary = "fixed"
+
+    def __post_init__(self) -> None:
+        checks = (
+            (self.iterations >= 0, f"iterations must be 0 or more, not {self.iterations}"),
+            (0 < self.time_step < float("inf"), f"time_step must be positive, not {self.time_step}"),
+            (self.patience >= 0, f"patience must be 0 or more, not {self.patience}"),
+            (
+                self.stop_radius_variation >= 0,
+                f"stop_radius_variation must be ≥ 0, not {self.stop_radius_variation}",
+            ),
+        )
+        for holds, sentence in checks:
+            if not holds:
+                raise InvalidConfigError(sentence)
+
+
+Config: TypeAlias = FlowConfig | ImplicitFlowConfig

@@ -16,13 +16,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from spherify.geometry.config import FlowConfig
+from spherify.geometry.config import Config
 from spherify.geometry.errors import InvalidMeshError
 from spherify.geometry.frame import Frame
 from spherify.geometry.kernels import Engine, get_engine
 from spherify.geometry.mesh import Floats, TriangleMesh
-from spherify.geometry.methods.curvature import CurvatureTransformation
-from spherify.geometry.methods.interface import Breakdown, Method, Standstill
+from spherify.geometry.methods import Breakdown, Standstill, prepare
 from spherify.geometry.metrics import Metrics, metrics_of
 from spherify.geometry.progress import Progress, fingerprint_of
 from spherify.geometry.quality import inward_faces
@@ -125,12 +124,12 @@ class FlowState:
 
 def flow(
     mesh: TriangleMesh,
-    config: FlowConfig,
+    config: Config,
     *,
     engine: Engine | str = "reference",
     resume: Mapping[str, NDArray[Any]] | None = None,
 ) -> Iterator[FlowState]:
-    """Run the curvature transformation and yield each state, the mesh as it came (iteration 0) first.
+    """Run a method and yield each state, the mesh as it came (iteration 0) first.
 
     The last state carries the reason the run ended. A run that cannot go on (``collapsed``,
     ``constant-curvature``) ends with a state that was yielded before: its best one, or its last.
@@ -158,7 +157,7 @@ def flow(
 class _Run:
     """What stays the same during a run, and the rules that lead from one state to the next."""
 
-    def __init__(self, mesh: TriangleMesh, config: FlowConfig, engine: Engine) -> None:
+    def __init__(self, mesh: TriangleMesh, config: Config, engine: Engine) -> None:
         self._mesh = mesh
         self._config = config
         self._topology = _checked_topology(mesh)
@@ -167,9 +166,7 @@ class _Run:
             # Vertices that must stay cannot be rescaled; and an open surface has no volume to restore.
             self._rescale = "none" if config.boundary == "fixed" or config.rescale == "none" else "area"
         self.frame = Frame.around(mesh.vertices)
-        self.method: Method = CurvatureTransformation(
-            self._topology, config, engine, unit=1 / self.frame.scale
-        )
+        self.method = prepare(self._topology, config, engine, unit=1 / self.frame.scale)
         self.fingerprint = fingerprint_of(mesh, config, self.method.computed_by)
         position = self.frame.inside(mesh.vertices)
         shape = self.method.shape(position)

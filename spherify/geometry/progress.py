@@ -11,7 +11,7 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from spherify.geometry.config import FlowConfig
+from spherify.geometry.config import Config
 from spherify.geometry.errors import InvalidCheckpointError
 from spherify.geometry.mesh import Floats, TriangleMesh
 from spherify.geometry.roundness import Shape
@@ -129,7 +129,7 @@ class Progress:
         )
 
 
-def fingerprint_of(mesh: TriangleMesh, config: FlowConfig, computed_by: str) -> NDArray[np.uint8]:
+def fingerprint_of(mesh: TriangleMesh, config: Config, computed_by: str) -> NDArray[np.uint8]:
     """(32,) SHA-256 of all that decides how a run goes on: mesh, parameters, and who computes.
 
     The number of iterations is left out: a run may be extended from its last state.

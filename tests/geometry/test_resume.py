@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from spherify.geometry.config import Annealing
+from spherify.geometry.config import Annealing, ImplicitFlowConfig
 from spherify.geometry.errors import InvalidCheckpointError
 from spherify.geometry.flow import StopReason, flow
 from spherify.geometry.presets import PRESETS
@@ -33,6 +33,12 @@ RUNS = {
         sample("sphere-bar", 300),
         replace(PRESETS["paper"].config, step=0.5, iterations=200),
     ),
+    "conformal": (MESH, ImplicitFlowConfig(12, "conformal", 0.01)),
+    "conformal, open, to the end": (
+        open_bump(),
+        ImplicitFlowConfig(60, "conformal", 0.02, patience=5),
+    ),
+    "pinching": (sample("sphere-bar", 300), ImplicitFlowConfig(100, "mean-curvature", 1e-3)),
     "converging": (MESH, replace(ROBUST, stop_radius_variation=0.02)),
 }
 
@@ -138,6 +144,7 @@ class TestForeignOrDamaged:
             {"annealing": None},
             {"annealing": Annealing(100, 0.5, 2e-4)},
             {"measure": "length"},
+            {"rescale": "volume"},
             {"window": (30.0, 71.0)},
             {"boundary": "free"},
         ],
