@@ -110,9 +110,9 @@ class TestMeanCurvature:
         assert state_at(sample("cube", 600), 40, **MEAN_CURVATURE).sphericity > 0.998
         egg = icosphere(10)
         egg = egg.with_vertices(egg.vertices * [1, 1, 1.4])
-        first, later = (state_at(egg, i, **MEAN_CURVATURE | {"time_step": 2e-3}).metrics() for i in (0, 60))
+        first, later = (state_at(egg, i, **MEAN_CURVATURE).metrics() for i in (0, 160))
         assert first.radius_variation > 0.1
-        assert later.radius_variation < 0.02
+        assert later.radius_variation < 0.03
 
     def test_a_dumbbell_pinches_and_is_told_where(self):
         mesh = sample("sphere-bar", 1000)
