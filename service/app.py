@@ -17,7 +17,8 @@ from service.context import Services, Stores
 from service.description import DESCRIPTION, TAGS, describe
 from service.logs import set_up as set_up_logs
 from service.middleware import EXPOSED, REQUEST_ID, Cors, ErrorGuard, RequestContext
-from service.routes import arrays, jobs, meshes, pages, service, snapshots
+from service.routes import arrays, events, jobs, meshes, pages, service, snapshots
+from service.stopping import on_stop
 from spherify import __version__
 from spherify.settings import Settings
 from spherify.stores.connect import open_stores
@@ -35,10 +36,12 @@ def create_app(settings: Settings | None = None, stores: Stores | None = None) -
         set_up_logs()
         settings = Settings()
     stores = stores or open_stores(settings)
+    services = Services.of(settings, stores)
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
-        yield
+        with on_stop(services.watch.close):
+            yield
         await to_thread.run_sync(stores.close)
 
     app = FastAPI(
@@ -54,8 +57,8 @@ def create_app(settings: Settings | None = None, stores: Stores | None = None) -
         lifespan=lifespan,
         middleware=_middleware(settings),
     )
-    app.state.services = Services.of(settings, stores)
-    for part in (jobs, snapshots, arrays, meshes, service, pages):
+    app.state.services = services
+    for part in (jobs, events, snapshots, arrays, meshes, service, pages):
         app.include_router(part.router)
     app.state.methods_at = _methods_at(app)
     add_handlers(app)
@@ -74,6 +77,8 @@ def _middleware(settings: Settings) -> list[Middleware]:
             "Idempotency-Key",
             "If-None-Match",
             "If-Range",
+            "Last-Event-ID",
+            "Prefer",
             "Range",
             REQUEST_ID,
         ],

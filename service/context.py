@@ -11,6 +11,7 @@ from starlette.requests import Request
 
 from service.cache import FileCache
 from service.intake import Intake
+from service.watch import Watch
 from spherify.jobs.ports import BlobStore, JobQueue, JobStore, MeshStore
 from spherify.jobs.repeats import RepeatStore
 from spherify.settings import Settings
@@ -54,6 +55,7 @@ class Services:
     stores: Stores
     intake: Intake
     cache: FileCache
+    watch: Watch
     conversions: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(CONVERSIONS))
     views: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(VIEWS))
 
@@ -61,7 +63,7 @@ class Services:
     def of(cls, settings: Settings, stores: Stores) -> Services:
         """Build the rest from settings and stores."""
         cache = FileCache(settings.data_dir / "cache", settings.cache_bytes, settings.min_free_bytes)
-        return cls(settings, stores, Intake(stores.meshes, stores.blobs, settings), cache)
+        return cls(settings, stores, Intake(stores.meshes, stores.blobs, settings), cache, Watch(stores.jobs))
 
 
 async def _services(request: Request) -> Services:

@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from service.snapshots import best_iteration
 from spherify.formats import FORMATS_OUT
+from spherify.geometry.fields import FIELDS
 from spherify.jobs.model import Job, JobStatus, MeshRecord, Snapshot
 from spherify.parameters import Parameters
 
@@ -234,7 +235,14 @@ def mesh_out(record: MeshRecord) -> MeshOut:
         report=record.report,
         created_at=moment(record.created_at),
         expires_at=None,
-        links={"self": path, "jobs": f"/v1/jobs?mesh_id={record.id}", "content": f"{path}/content", **forms},
+        links={
+            "self": path,
+            "jobs": f"/v1/jobs?mesh_id={record.id}",
+            "content": f"{path}/content",
+            "topology": f"{path}/topology",
+            "positions": f"{path}/positions",
+            **forms,
+        },
     )
 
 
@@ -297,6 +305,8 @@ def _job_links(job: Job) -> dict[str, str]:
         "snapshots": f"{path}/snapshots",
         "metrics": f"{path}/metrics",
         "metrics_csv": f"{path}/metrics.csv",
+        "events": f"{path}/events",
+        "topology": f"{path}/topology",
     }
     if not job.status.done:
         links["cancel"] = f"{path}/cancel"
@@ -318,7 +328,14 @@ def snapshot_out(job_id: str, snapshot: Snapshot) -> SnapshotOut:
         sha256=snapshot.sha256,
         metrics=figures(snapshot.metrics),
         created_at=moment(snapshot.created_at),
-        links={"self": path, "job": f"/v1/jobs/{job_id}"} | {form: f"{path}.{form}" for form in FORMATS_OUT},
+        links={
+            "self": path,
+            "job": f"/v1/jobs/{job_id}",
+            "topology": f"/v1/jobs/{job_id}/topology",
+            "positions": f"{path}/positions",
+            **{field: f"{path}/fields/{field}" for field in FIELDS},
+            **{form: f"{path}.{form}" for form in FORMATS_OUT},
+        },
     )
 
 
