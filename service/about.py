@@ -19,7 +19,14 @@ from spherify.geometry.presets import DEFAULT_PRESET, PRESETS
 from spherify.geometry.schedule import MAX_SNAPSHOTS
 from spherify.jobs.errors import JobsError
 from spherify.jobs.model import JobStatus
-from spherify.parameters import Parameters
+from spherify.parameters import (
+    DEFAULT_METHOD,
+    PARAMETERS_OF,
+    Parameters,
+    chosen_preset,
+    parameters_of,
+    parameters_schema,
+)
 from spherify.settings import Settings
 
 OK: Final = "ok"
@@ -82,10 +89,24 @@ class PresetsOut(Answer):
     items: list[PresetOut]
 
 
-class ParametersOut(Answer):
-    """The schema of `parameters`, and the value of each in every preset."""
+class MethodOut(Answer):
+    """A method, with the parameters it has."""
 
-    parameters: dict[str, Any] = Field(alias="schema", description="JSON Schema, draft 2020-12.")
+    name: str
+    default: bool = Field(description="Whether it is taken when none is named.")
+    preset: str = Field(description="Where its parameters start from when no preset is named.")
+    parameters: list[str]
+
+
+class ParametersOut(Answer):
+    """The schema of `parameters`, those of each method, and the value of each in every preset."""
+
+    parameters: dict[str, Any] = Field(
+        alias="schema",
+        description="JSON Schema, draft 2020-12, of the parameters of all methods; `x-methods` of each names those "
+        "that have it.",
+    )
+    methods: list[MethodOut]
     defaults: dict[str, Parameters] = Field(description="By preset.")
 
 
@@ -139,7 +160,7 @@ def presets_out() -> PresetsOut:
                 title=preset.title,
                 description=preset.description,
                 default=preset.name == DEFAULT_PRESET,
-                parameters=Parameters.of(preset.config),
+                parameters=parameters_of(preset.config),
             )
             for preset in presets
         ]
@@ -148,12 +169,21 @@ def presets_out() -> PresetsOut:
 
 def parameters_out(settings: Settings) -> ParametersOut:
     """Describe the parameters, with the bounds of this service."""
-    schema = Parameters.model_json_schema()
+    schema = parameters_schema()
     schema["properties"]["iterations"]["maximum"] = min(
         settings.max_iterations, schema["properties"]["iterations"]["maximum"]
     )
-    defaults = {name: Parameters.of(preset.config) for name, preset in PRESETS.items()}
-    return ParametersOut(schema=schema, defaults=defaults)
+    defaults = {name: parameters_of(preset.config) for name, preset in PRESETS.items()}
+    methods = [
+        MethodOut(
+            name=name,
+            default=name == DEFAULT_METHOD,
+            preset=chosen_preset(None, name),
+            parameters=list(model.model_fields),
+        )
+        for name, model in PARAMETERS_OF.items()
+    ]
+    return ParametersOut(schema=schema, methods=methods, defaults=defaults)
 
 
 def probe(services: Services) -> dict[str, str]:

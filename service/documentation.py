@@ -8,7 +8,7 @@ from service.problem_types import PROBLEMS
 from service.problems import MEDIA_TYPE, ProblemError
 from service.requests import JobRequest
 from spherify.formats import ALLOW, FORMATS_IN, FORMATS_OUT, media_type
-from spherify.parameters import Parameters
+from spherify.parameters import parameters_schema
 
 Responses = dict[int | str, dict[str, Any]]
 EVERYWHERE: Final = ("internal-error",)
@@ -143,7 +143,7 @@ MESH_RAW: Final = {
 def job_form() -> dict[str, Any]:
     """Return `openapi_extra` of `POST /v1/jobs`: a form with a file, or JSON with the id of a mesh."""
     fields = JobRequest.model_json_schema(ref_template="#/components/schemas/{model}")["properties"]
-    parameters = Parameters.model_json_schema(ref_template="#/components/schemas/{model}")["properties"]
+    parameters = parameters_schema("#/components/schemas/{model}")["properties"]
     own = {name: schema for name, schema in parameters.items() if name != "iterations"}
     text = {"type": "string", "contentMediaType": "application/json"}
     schema = {

@@ -15,12 +15,19 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from service.problems import FieldError, ProblemError, invalid, invalid_many, invalid_model
 from spherify.formats import ALLOW
 from spherify.formats.names import safe_stem
+from spherify.geometry.config import Method
 from spherify.geometry.errors import InvalidConfigError
-from spherify.geometry.presets import DEFAULT_PRESET, PRESETS
+from spherify.geometry.presets import PRESETS
 from spherify.geometry.schedule import SnapshotPlan
 from spherify.jobs.ids import time_of
 from spherify.jobs.model import JobSpec, MeshRecord
-from spherify.parameters import ParameterOverrides, Parameters, resolve
+from spherify.parameters import (
+    PARAMETER_NAMES,
+    ParameterOverrides,
+    Parameters,
+    chosen_preset,
+    resolve,
+)
 from spherify.settings import Settings
 
 DEFAULT_SNAPSHOTS: Final = "log:12"
@@ -29,9 +36,9 @@ PRINTABLE: Final = r"^[^\x00-\x1f\x7f]+$"
 TAG: Final = r"^[A-Za-z0-9._:/+-]{1,64}$"
 _LISTS: Final = frozenset({"tags", "allow"})
 _TEXTS: Final = frozenset(
-    {"mesh_id", "name", "preset"}
+    {"mesh_id", "name", "preset", "method"}
 )  # taken as they are, whatever JSON would make of them
-_OWN_NAMES: Final = frozenset(Parameters.model_fields) - {"iterations"}
+_OWN_NAMES: Final = frozenset(PARAMETER_NAMES) - {"iterations", "method"}
 _SINGLE: Final = _TEXTS | {"iterations", "snapshots", "parameters"}
 
 
@@ -56,13 +63,20 @@ class JobRequest(BaseModel):
     )
 
     mesh_id: Annotated[str, Field(max_length=64, description="From `POST /v1/meshes`.")]
-    preset: Annotated[
-        str,
+    method: Annotated[
+        Method | None,
         Field(
-            description="Where the parameters start from: see `/v1/presets`.",
-            json_schema_extra={"enum": list(PRESETS)},
+            description="Short for `parameters.method`: how the mesh is morphed; that of the preset by default."
         ),
-    ] = DEFAULT_PRESET
+    ] = None
+    preset: Annotated[
+        str | None,
+        Field(
+            description="Where the parameters start from: see `/v1/presets`; `robust` by default, or the first one "
+            "of the method.",
+            json_schema_extra={"enum": [*PRESETS, None]},
+        ),
+    ] = None
     parameters: Annotated[
         ParameterOverrides | None,
         Field(description="What differs from the preset: see `/v1/parameters`."),
@@ -181,11 +195,12 @@ def parse_allow(values: Sequence[str], pointer: str) -> frozenset[str]:
 
 def plan(request: JobRequest, settings: Settings) -> JobPlan:
     """Check a request against presets, bounds and each other; raises `invalid-parameters`."""
-    if request.preset not in PRESETS:
+    if request.preset is not None and request.preset not in PRESETS:
         raise invalid("#/preset", "unknown", f"there is no {request.preset[:40]!r}: {', '.join(PRESETS)}")
     overrides = _overrides(request)
     try:
-        parameters = resolve(request.preset, overrides)
+        preset = chosen_preset(request.preset, overrides.get("method"))
+        parameters = resolve(preset, overrides)
     except ValidationError as e:
         raise invalid_model(e, "#/parameters") from e
     except InvalidConfigError as e:
@@ -200,7 +215,7 @@ def plan(request: JobRequest, settings: Settings) -> JobPlan:
     except InvalidConfigError as e:
         raise invalid("#/snapshots", "plan", str(e)) from e
     tags = tuple(dict.fromkeys(request.tags or ()))
-    return JobPlan(request.preset, parameters, snapshots, request.name, tags)
+    return JobPlan(preset, parameters, snapshots, request.name, tags)
 
 
 def plan_form(request: JobRequest, fields: Collection[str], settings: Settings) -> JobPlan:
@@ -216,10 +231,9 @@ def _overrides(request: JobRequest) -> dict[str, Any]:
     overrides = given.model_dump(mode="json", exclude_unset=True) if given is not None else {}
     # null means "as the preset has it", but for annealing, which null turns off
     overrides = {k: v for k, v in overrides.items() if v is not None or k == "annealing"}
-    if request.iterations is None:
-        return overrides
-    if overrides.setdefault("iterations", request.iterations) != request.iterations:
-        raise invalid("#/iterations", "contradiction", "parameters.iterations is another number")
+    for name, short in (("iterations", request.iterations), ("method", request.method)):
+        if short is not None and overrides.setdefault(name, short) != short:
+            raise invalid(f"#/{name}", "contradiction", f"parameters.{name} is another one")
     return overrides
 
 

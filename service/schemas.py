@@ -13,7 +13,7 @@ from service.snapshots import best_iteration
 from spherify.formats import FORMATS_OUT
 from spherify.geometry.fields import FIELDS
 from spherify.jobs.model import Job, JobStatus, MeshRecord, Snapshot
-from spherify.parameters import Parameters
+from spherify.parameters import Parameters, stored_parameters
 
 T = TypeVar("T")
 Links = Annotated[dict[str, str], Field(description="Absolute paths of what belongs to this, by name.")]
@@ -37,7 +37,9 @@ class FiguresOut(Answer):
     radius_ratio: float | None = Field(None, description="Least over greatest distance to the centroid.")
     curvature_min: float | None = None
     curvature_max: float | None = None
-    step: float | None = Field(None, description="C in use, a length.")
+    step: float | None = Field(
+        None, description="C in use, a length; of a flow the square root of its time step."
+    )
     mean_quality: float | None = Field(
         None, description="Mean of 4√3·area/Σ(edge²): 1 if all are equilateral."
     )
@@ -268,7 +270,7 @@ def job_out(job: Job) -> JobOut:
         done=job.status.done,
         rev=job.rev,
         preset=job.spec.preset,
-        parameters=Parameters.model_validate(job.spec.parameters),
+        parameters=stored_parameters(job.spec.parameters),
         progress=ProgressOut(
             percent=percent(job),
             iteration=progress.iteration if progress else 0,

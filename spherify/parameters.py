@@ -1,20 +1,37 @@
 """The parameters of a job as users write them: one description for the API, its schema, and the command line.
 
 `ParameterOverrides` is what a user sends, everything optional; `resolve` fills it from a preset into
-`Parameters`, in which nothing is left open; `Parameters.config` is the mathematics' own `FlowConfig`.
+`Parameters`, in which nothing is left open: those of the run's method. Their `config` is the mathematics' own.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Annotated, Any, Self
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, TypeAlias, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, create_model
+from pydantic.fields import FieldInfo
 
-from spherify.geometry.config import Annealing, Boundary, FlowConfig, Measure, Rescale, Stage, StepUnit
-from spherify.geometry.presets import PRESETS
+from spherify.geometry.config import (
+    Annealing,
+    Boundary,
+    Config,
+    FlowConfig,
+    ImplicitFlowConfig,
+    Measure,
+    Method,
+    Rescale,
+    Stage,
+    StepUnit,
+)
+from spherify.geometry.errors import InvalidConfigError
+from spherify.geometry.presets import DEFAULT_PRESET, PRESETS
 
-MAX_ITERATIONS = 1_000_000
+MAX_ITERATIONS: Final = 1_000_000
+MAX_TIME_STEP: Final = 1.0  # of the area: a step beyond lies within rounding of the limit
+METHODS: Final[tuple[Method, ...]] = get_args(Method)
+DEFAULT_METHOD: Final = METHODS[0]
 
 
 class _Strict(BaseModel):
@@ -39,9 +56,19 @@ class AnnealingParameters(_Strict):
     ]
 
 
-class Parameters(_Strict):
-    """Every parameter of a run, resolved."""
+class _Shared(_Strict):
+    """What every method is told."""
 
+    method: Annotated[
+        Method,
+        Field(
+            title="Method",
+            description="`curvature`: the curvature transformation, what this project is about; to compare it with, "
+            "`conformal`: conformalized mean curvature flow (Kazhdan, Solomon and Ben-Chen 2012), and "
+            "`mean-curvature`: plain mean curvature flow, which pinches off necks and limbs. Each has parameters of "
+            "its own, and presets.",
+        ),
+    ]
     iterations: Annotated[
         int,
         Field(
@@ -56,9 +83,32 @@ class Parameters(_Strict):
         Field(
             title="Curvature measure",
             description="`vtk`: pointwise, as vtkCurvatures computes it (the paper's pictures); `length`: length × "
-            "dihedral angle (the paper's formula); `dual-area`: the textbook pointwise mean curvature.",
+            "dihedral angle (the paper's formula); `dual-area`: the textbook pointwise mean curvature. The flows do "
+            "not depend on it; their figures do.",
         ),
     ]
+    rescale: Annotated[Rescale, Field(title="Rescale", description="What is restored after each iteration.")]
+    stop_radius_variation: Annotated[
+        float,
+        Field(
+            ge=0,
+            title="Round enough",
+            description="The run ends as `converged` below this radius variation, unless faces look inward; 0 is off.",
+        ),
+    ]
+    boundary: Annotated[
+        Boundary,
+        Field(
+            title="Open boundary",
+            description="Whether vertices on an open boundary move; closed meshes have none.",
+        ),
+    ]
+
+
+class CurvatureParameters(_Shared):
+    """Every parameter of a run of the curvature transformation, resolved."""
+
+    method: Annotated[Literal["curvature"], _Shared.model_fields["method"]]
     schedule: Annotated[
         tuple[StageParameters, ...],
         Field(
@@ -115,37 +165,69 @@ class Parameters(_Strict):
             ge=0, lt=1, title="Momentum", description="Share of the last movement that is repeated; 0 is off."
         ),
     ]
-    rescale: Annotated[Rescale, Field(title="Rescale", description="What is restored after each iteration.")]
     annealing: Annotated[AnnealingParameters | None, Field(title="Annealing", description="null is off.")]
-    stop_radius_variation: Annotated[
-        float,
-        Field(
-            ge=0,
-            title="Round enough",
-            description="The run ends as `converged` below this radius variation, unless faces look inward; 0 is off.",
-        ),
-    ]
-    boundary: Annotated[
-        Boundary,
-        Field(
-            title="Open boundary",
-            description="Whether vertices on an open boundary move; closed meshes have none.",
-        ),
-    ]
 
     def config(self) -> FlowConfig:
-        """Return the configuration of the flow; raises `InvalidConfigError` where two values contradict."""
+        """Return the configuration of the run; raises `InvalidConfigError` where two values contradict."""
         values = {name: getattr(self, name) for name in type(self).model_fields}
         values["schedule"] = tuple(Stage(s.repeat, s.k_in, s.k_out) for s in self.schedule)
         if self.annealing is not None:
             values["annealing"] = Annealing(**self.annealing.model_dump())
         return FlowConfig(**values)
 
-    @classmethod
-    def of(cls, config: FlowConfig) -> Self:
-        """Return the parameters that mean the same as a configuration."""
-        return cls.model_validate(asdict(config))
 
+class ImplicitFlowParameters(_Shared):
+    """Every parameter of a run of a mean curvature flow, resolved."""
+
+    method: Annotated[Literal["conformal", "mean-curvature"], _Shared.model_fields["method"]]
+    time_step: Annotated[
+        float,
+        Field(
+            gt=0,
+            le=MAX_TIME_STEP,
+            title="Time step",
+            description="δ of an iteration, in units of the surface's area at the start; small steps are exact, "
+            "large ones quick.",
+        ),
+    ]
+    patience: Annotated[
+        int,
+        Field(
+            ge=0,
+            le=MAX_ITERATIONS,
+            title="Patience",
+            description="The run ends as `stalled` after so many iterations in which the best sphericity did not "
+            "rise by 1e-4; 0 is off.",
+        ),
+    ]
+
+    def config(self) -> ImplicitFlowConfig:
+        """Return the configuration of the run."""
+        return ImplicitFlowConfig(**self.model_dump())
+
+
+Parameters: TypeAlias = Annotated[CurvatureParameters | ImplicitFlowParameters, Field(discriminator="method")]
+"""Every parameter of a run, resolved: those of its method."""
+
+PARAMETERS_OF: Final[Mapping[str, type[CurvatureParameters | ImplicitFlowParameters]]] = {
+    "curvature": CurvatureParameters,
+    "conformal": ImplicitFlowParameters,
+    "mean-curvature": ImplicitFlowParameters,
+}
+"""By method."""
+
+
+def _every_field() -> dict[str, tuple[object, FieldInfo]]:
+    """Return type and field of every parameter of any method, in the order of a form: the method first."""
+    fields: dict[str, tuple[object, FieldInfo]] = {}
+    for model in (_Shared, *dict.fromkeys(PARAMETERS_OF.values())):
+        for name, field in model.model_fields.items():
+            fields.setdefault(name, (field.rebuild_annotation(), field))
+    return fields
+
+
+PARAMETER_NAMES: Final = tuple(_every_field())
+"""Every parameter of any method."""
 
 if TYPE_CHECKING:
 
@@ -158,24 +240,72 @@ else:  # derived, so that a parameter is described once
         __base__=_Strict,
         __doc__="What a user changes of a preset; everything may be left out.",
         **{
-            name: (
-                field.rebuild_annotation() | None,
-                Field(default=None, title=field.title, description=field.description),
-            )
-            for name, field in Parameters.model_fields.items()
+            name: (annotation | None, Field(default=None, title=field.title, description=field.description))
+            for name, (annotation, field) in _every_field().items()
         },
     )
 
 
-def resolve(preset: str, overrides: dict[str, Any]) -> Parameters:
+def parameters_of(config: Config) -> CurvatureParameters | ImplicitFlowParameters:
+    """Return the parameters that mean the same as a configuration."""
+    return PARAMETERS_OF[config.method].model_validate(asdict(config))
+
+
+def stored_parameters(values: Mapping[str, Any]) -> CurvatureParameters | ImplicitFlowParameters:
+    """Read what a job has stored; jobs from before there were methods have the one there was."""
+    method = values.get("method", DEFAULT_METHOD)
+    return PARAMETERS_OF[method].model_validate({"method": method, **values})
+
+
+def parameters_schema(ref_template: str = "#/$defs/{model}") -> dict[str, Any]:
+    """Return the JSON Schema of every parameter; ``x-methods`` of a property are the methods that have it."""
+    fields: dict[str, Any] = _every_field()
+    schema = create_model("Parameters", __base__=_Strict, **fields).model_json_schema(
+        ref_template=ref_template
+    )
+    for name, entry in schema["properties"].items():
+        entry["x-methods"] = [method for method, model in PARAMETERS_OF.items() if name in model.model_fields]
+    schema["required"] = list(_Shared.model_fields)
+    return schema
+
+
+def chosen_preset(preset: str | None, method: str | None) -> str:
+    """Return the preset that is meant: the one named, else the first one of the method, else the default one.
+
+    Raises:
+        InvalidConfigError: there is no such preset or method, or the preset is of another method.
+
+    """
+    if method is not None and method not in METHODS:
+        raise InvalidConfigError(f"there is no method {method!r}; there are {', '.join(METHODS)}")
+    if preset is None:
+        of_method = (name for name, entry in PRESETS.items() if entry.config.method == method)
+        return DEFAULT_PRESET if method is None else next(of_method)
+    if preset not in PRESETS:
+        raise InvalidConfigError(f"there is no preset {preset!r}; there are {', '.join(PRESETS)}")
+    if method not in {None, PRESETS[preset].config.method}:
+        raise InvalidConfigError(
+            f"the preset {preset} is of the method {PRESETS[preset].config.method}, not {method}: leave one out"
+        )
+    return preset
+
+
+def resolve(preset: str, overrides: Mapping[str, Any]) -> CurvatureParameters | ImplicitFlowParameters:
     """Lay what a user changed over a preset.
 
     Raises:
         KeyError: no such preset.
         pydantic.ValidationError: a value outside its range, or an unknown name.
-        InvalidConfigError: two values that contradict each other.
+        InvalidConfigError: two values that contradict each other, or a parameter of another method.
 
     """
-    parameters = Parameters.model_validate({**asdict(PRESETS[preset].config), **overrides})
+    config = PRESETS[preset].config
+    model = PARAMETERS_OF[config.method]
+    for name in overrides:
+        if name in PARAMETER_NAMES and name not in model.model_fields:
+            raise InvalidConfigError(
+                f"the method {config.method} has no parameter {name}; it has {', '.join(model.model_fields)}"
+            )
+    parameters = model.model_validate({**asdict(config), **overrides})
     parameters.config()
     return parameters

@@ -12,6 +12,7 @@ import typer
 from rich.table import Table
 
 from spherify.cli.console import COLLAPSED, INTERRUPTED, REFUSED, err, fail, out, progress_bar
+from spherify.cli.inputs import MethodOption, PresetOption
 from spherify.cli.interruption import interruptible
 from spherify.cli.stack import Address, Stack, StackError
 from spherify.cli.submit import show
@@ -19,7 +20,6 @@ from spherify.client import Client, RefusedError, ServiceError, UnreachableError
 from spherify.formats import ReadLimits, write_mesh
 from spherify.formats.acceptance import read
 from spherify.geometry.mesh import TriangleMesh
-from spherify.geometry.presets import DEFAULT_PRESET
 from spherify.geometry.samples import SAMPLES
 from spherify.stores.embedded import EmbeddedServerError
 
@@ -36,10 +36,12 @@ def demo(
     file: Annotated[
         Path | None, typer.Argument(metavar="[FILE]", help="A mesh of yours; a sample animal by default.")
     ] = None,
+    *,
     folder: Annotated[
         Path, typer.Option("--output", "-o", metavar="DIR", help="Where snapshots and picture go.")
     ] = Path("demo-output"),
-    preset: Annotated[str, typer.Option(help="robust, paper or paper-absolute.")] = DEFAULT_PRESET,
+    method: MethodOption = None,
+    preset: PresetOption = None,
     iterations: Annotated[int, typer.Option(min=1, help="At most so many.")] = ITERATIONS,
     up_axis: Annotated[
         str, typer.Option("--up", help="The axis that stands upright in the picture: x, y, z.")
@@ -53,7 +55,8 @@ def demo(
             folder.mkdir(parents=True, exist_ok=True)
             with tempfile.TemporaryDirectory(prefix="spherify-demo-") as scratch:
                 mesh = file or _sample(Path(scratch))
-                fields = {"preset": preset, "iterations": str(iterations), "snapshots": _plan(iterations)}
+                fields = {"iterations": str(iterations), "snapshots": _plan(iterations)}
+                fields |= {k: v for k, v in (("method", method), ("preset", preset)) if v is not None}
                 job, figures = _through_the_stack(mesh, fields, folder, Path(scratch) / "data", stopping)
         except InterruptedError:
             fail("interrupted; everything is stopped", INTERRUPTED)

@@ -4,18 +4,25 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any, Final
+from typing import Annotated, Any, Final, TypeAlias
 
+import typer
 from pydantic import ValidationError
 
 from spherify.cli.console import REFUSED, fail
 from spherify.formats import MeshRefusedError, read_mesh
 from spherify.geometry.errors import InvalidConfigError
 from spherify.geometry.mesh import TriangleMesh
-from spherify.geometry.presets import PRESETS
 from spherify.geometry.samples import SAMPLES
-from spherify.parameters import Parameters, resolve
+from spherify.parameters import Parameters, chosen_preset, resolve
 
+MethodOption: TypeAlias = Annotated[
+    str | None, typer.Option(help="curvature, conformal or mean-curvature; the preset's by default.")
+]
+PresetOption: TypeAlias = Annotated[
+    str | None,
+    typer.Option(help="robust (the default), paper or paper-absolute; or conformal, mean-curvature."),
+]
 SAMPLE: Final = "sample:"
 SAMPLE_VERTICES: Final = 3000
 
@@ -45,15 +52,23 @@ def sample(text: str) -> TriangleMesh:
     return SAMPLES[name].build(int(vertices or SAMPLE_VERTICES))
 
 
-def parameters_of(preset: str, iterations: int | None, assignments: list[str]) -> Parameters:
-    """Lay ``name=value`` assignments over a preset; ends the program where one is wrong."""
-    if preset not in PRESETS:
-        fail(f"there is no preset {preset!r}; there are {', '.join(PRESETS)}", REFUSED)
+def parameters_of(
+    preset: str | None, method: str | None, iterations: int | None, assignments: list[str]
+) -> tuple[str, Parameters]:
+    """Lay ``name=value`` assignments over a preset; ends the program where one is wrong.
+
+    Returns:
+        the name of the preset, chosen by the method where none is named, and the parameters.
+
+    """
     overrides = dict(assignment_of(text) for text in assignments)
     if iterations is not None:
         overrides["iterations"] = iterations
+    if method is not None and overrides.setdefault("method", method) != method:
+        fail("--method and --set method=… name two methods", REFUSED)
     try:
-        return resolve(preset, overrides)
+        chosen = chosen_preset(preset, overrides.get("method"))
+        return chosen, resolve(chosen, overrides)
     except ValidationError as e:
         first = e.errors(include_url=False, include_context=False, include_input=False)[0]
         fail(f"{'.'.join(map(str, first['loc']))}: {first['msg']}", REFUSED)

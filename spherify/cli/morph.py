@@ -15,14 +15,13 @@ import typer
 from rich.progress import Progress as Bars
 
 from spherify.cli.console import COLLAPSED, FAILED, INTERRUPTED, REFUSED, err, fail, progress_bar
-from spherify.cli.inputs import SAMPLE, mesh_of, parameters_of
+from spherify.cli.inputs import SAMPLE, MethodOption, PresetOption, mesh_of, parameters_of
 from spherify.cli.interruption import interruptible
 from spherify.formats import FORMATS_OUT, write_mesh
 from spherify.geometry.errors import GeometryError, InvalidConfigError
 from spherify.geometry.flow import StopReason
 from spherify.geometry.kernels import ENGINES, get_engine
 from spherify.geometry.mesh import TriangleMesh
-from spherify.geometry.presets import DEFAULT_PRESET
 from spherify.geometry.schedule import SnapshotPlan
 from spherify.jobs.model import Progress
 from spherify.jobs.rows import Row
@@ -38,7 +37,8 @@ def morph(
             "--output", "-o", metavar="OUT", help="Where the result goes; its suffix is the format."
         ),
     ],
-    preset: Annotated[str, typer.Option(help="robust, paper or paper-absolute.")] = DEFAULT_PRESET,
+    method: MethodOption = None,
+    preset: PresetOption = None,
     iterations: Annotated[int | None, typer.Option(help="At most so many; the preset's by default.")] = None,
     snapshots: Annotated[
         str, typer.Option(help="States written beside OUT: 100,500 or every:100 or log:12.")
@@ -67,7 +67,7 @@ def morph(
         fail(f"{output.name}: the suffix must be one of {', '.join('.' + f for f in FORMATS_OUT)}", REFUSED)
     if not output.parent.is_dir():
         fail(f"the folder {output.parent} does not exist", REFUSED)
-    parameters = parameters_of(preset, iterations, assignments or [])
+    preset, parameters = parameters_of(preset, method, iterations, assignments or [])
     try:
         computing = get_engine(engine)
         plan = SnapshotPlan.parse(snapshots, parameters.iterations)
@@ -98,6 +98,7 @@ def morph(
     report = {
         "input": source,
         "output": str(output),
+        "method": parameters.method,
         "preset": preset,
         "engine": engine,
         "vertices": len(mesh.vertices),

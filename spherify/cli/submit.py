@@ -12,10 +12,10 @@ from rich.progress import Progress as Bars
 from rich.progress import TaskID
 
 from spherify.cli.console import FAILED, INTERRUPTED, REFUSED, err, fail, progress_bar
+from spherify.cli.inputs import MethodOption, PresetOption
 from spherify.cli.interruption import interruptible
 from spherify.client import Client, ServiceError
 from spherify.formats import FORMATS_OUT
-from spherify.geometry.presets import DEFAULT_PRESET
 
 AT_ONCE: Final = 8
 
@@ -29,7 +29,8 @@ def submit(
     folder: Annotated[
         Path, typer.Option("--output", "-o", metavar="DIR", help="Where the snapshots go.")
     ] = Path(),
-    preset: Annotated[str, typer.Option(help="robust, paper or paper-absolute.")] = DEFAULT_PRESET,
+    method: MethodOption = None,
+    preset: PresetOption = None,
     iterations: Annotated[int | None, typer.Option(help="At most so many; the preset's by default.")] = None,
     snapshots: Annotated[str | None, typer.Option(help="100,500 or every:100 or log:12.")] = None,
     mesh_format: Annotated[str, typer.Option("--format", help="Of the files that are saved.")] = "ply",
@@ -49,7 +50,11 @@ def submit(
     """
     if mesh_format not in FORMATS_OUT:
         fail(f"--format must be one of {', '.join(FORMATS_OUT)}, not {mesh_format!r}", REFUSED)
-    fields: dict[str, str | list[str]] = {"preset": preset}
+    fields: dict[str, str | list[str]] = {}
+    if method is not None:
+        fields["method"] = method
+    if preset is not None:
+        fields["preset"] = preset
     for text in assignments or []:
         name, equals, value = text.partition("=")
         if not equals:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from spherify.geometry.config import Annealing, FlowConfig, Stage
+from spherify.geometry.config import Annealing, Config, FlowConfig, ImplicitFlowConfig, Stage
 
 ALGORITHM_2: Final = (Stage(100, 2, 2), Stage(100, 2, 1))  # Vartziotis, Algorithm 2
 DEFAULT_PRESET: Final = "robust"
@@ -18,7 +18,7 @@ class Preset:
     name: str
     title: str
     description: str
-    config: FlowConfig
+    config: Config
 
 
 _PAPER: Final = FlowConfig(
@@ -67,6 +67,32 @@ PRESETS: Final = {
             "Algorithm 2 of the paper with C = 0.25 in the file's own unit: what happens depends on the mesh's scale.",
             FlowConfig(
                 iterations=10_000, measure="vtk", schedule=ALGORITHM_2, step=0.25, step_unit="absolute"
+            ),
+        ),
+        Preset(
+            "conformal",
+            "Conformal flow",
+            "Conformalized mean curvature flow, to compare with: most meshes are round within 30 iterations, each of "
+            "which solves a linear system; thin limbs shrink to triangles of no area.",
+            ImplicitFlowConfig(
+                iterations=500,
+                method="conformal",
+                time_step=0.01,
+                patience=40,
+                stop_radius_variation=1e-3,
+            ),
+        ),
+        Preset(
+            "mean-curvature",
+            "Mean curvature flow",
+            "Plain mean curvature flow, to compare with: rounds convex bodies; necks and limbs pinch off, which is "
+            "noticed: the run ends as collapsed, with its best state and the triangles that pinched.",
+            ImplicitFlowConfig(
+                iterations=1_000,
+                method="mean-curvature",
+                time_step=5e-4,
+                patience=200,
+                stop_radius_variation=1e-3,
             ),
         ),
     )

@@ -23,7 +23,7 @@ from service.schemas import FiguresOut
 from spherify.geometry.metrics import Metrics
 from spherify.geometry.presets import PRESETS
 from spherify.logs import JsonLines
-from spherify.parameters import Parameters
+from spherify.parameters import PARAMETER_NAMES, parameters_of
 from spherify.settings import Settings
 from spherify.stores.connect import Stores, open_stores
 from tests.service.conftest import OCTAHEDRON, Hand, problem, serve, until
@@ -46,7 +46,7 @@ def test_info_names_limits_and_formats(
 def test_presets_are_whole_and_can_be_sent_back(client: httpx.Client, known: str) -> None:
     presets = client.get("/v1/presets").json()["items"]
     assert {preset["name"] for preset in presets} == set(PRESETS)
-    assert [preset["default"] for preset in presets] == [True, False, False]
+    assert [preset["default"] for preset in presets] == [True] + [False] * (len(PRESETS) - 1)
     for preset in presets:
         request = {"mesh_id": known, "preset": preset["name"], "parameters": preset["parameters"]}
         job = client.post("/v1/jobs", json=request).json()
@@ -56,11 +56,16 @@ def test_presets_are_whole_and_can_be_sent_back(client: httpx.Client, known: str
 def test_parameters_are_a_schema_with_defaults(client: httpx.Client) -> None:
     answer = client.get("/v1/parameters").json()
     properties = answer["schema"]["properties"]
-    assert set(properties) == set(Parameters.model_fields)
+    assert set(properties) == set(PARAMETER_NAMES)
     assert all(entry["title"] for entry in properties.values())
     assert properties["momentum"]["exclusiveMaximum"] == 1
     for name, preset in PRESETS.items():
-        assert answer["defaults"][name] == Parameters.of(preset.config).model_dump(mode="json")
+        assert answer["defaults"][name] == parameters_of(preset.config).model_dump(mode="json")
+    assert [method["name"] for method in answer["methods"]] == ["curvature", "conformal", "mean-curvature"]
+    assert [method["default"] for method in answer["methods"]] == [True, False, False]
+    for method in answer["methods"]:
+        names = {name for name, entry in properties.items() if method["name"] in entry["x-methods"]}
+        assert names == set(method["parameters"]) == set(answer["defaults"][method["preset"]])
 
 
 def test_health_needs_nothing_and_readiness_says_what_is_down(
@@ -98,7 +103,7 @@ def test_the_documentation_names_every_operation(client: httpx.Client) -> None:
 
 def test_the_pages_name_the_defaults(client: httpx.Client) -> None:
     page = client.get("/docs").text
-    for name, value in (("preset", "robust"), ("precision", "double"), ("limit", 50)):
+    for name, value in (("precision", "double"), ("limit", 50)):
         row = page.split(f"<code>{name}</code>", maxsplit=1)[1].split("</tr>")[0]
         assert f"by default <code>{html.escape(json.dumps(value))}</code>" in row
 
