@@ -14,6 +14,7 @@ from tests.architecture.source import ROOT, imports, is_standard, modules, withi
 LIBRARIES = {
     "numpy": ("spherify", "worker"),
     "numba": ("spherify.geometry.kernels",),
+    "llvmlite": ("spherify.geometry.kernels.passes",),  # numba's own
     "scipy": ("spherify.geometry.kernels", "spherify.geometry.methods.sparse"),
     "trimesh": ("spherify.formats",),
     "redis": ("spherify.stores",),

@@ -10,9 +10,9 @@ import numpy as np
 
 from spherify.geometry.config import FlowConfig, Stage
 from spherify.geometry.kernels.numbering import Numbering
-from spherify.geometry.kernels.passes import edges, selection, shape, vertices
+from spherify.geometry.kernels.passes import rings, selection, shape
 from spherify.geometry.kernels.passes.step import transform
-from spherify.geometry.kernels.passes.types import CONSTANT, MEASURES, NOT_FINITE, Buffers, Connectivity, Mode
+from spherify.geometry.kernels.passes.types import CONSTANT, MEASURES, NOT_FINITE, Buffers, Mode, Scratch
 from spherify.geometry.kernels.reference import ReferenceKernel
 from spherify.geometry.mesh import Floats
 from spherify.geometry.roundness import Shape
@@ -27,7 +27,9 @@ class CompiledKernel:
         self._reference = ReferenceKernel(topology, config)
         self._numbering = Numbering.of(topology, held)
         self._mesh = self._numbering.connectivity
-        self._use = _buffers(self._mesh, topology.n_vertices)
+        self._use = buffers(topology.n_vertices, len(held))
+        self._scratch = _scratch()
+        self._face_area = np.empty(len(topology.faces))
         self._sums = np.empty((8, shape.BLOCK))
         self._mode = Mode(
             measure=MEASURES[config.measure],
@@ -43,7 +45,14 @@ class CompiledKernel:
         """See `spherify.geometry.kernels.interface.Kernel.transform`."""
         self._load(V)
         end = transform(
-            self._mesh, self._use, self._mode, stage.k_in, stage.k_out, float(step), float(relaxation)
+            self._mesh,
+            self._use,
+            self._scratch,
+            self._mode,
+            stage.k_in,
+            stage.k_out,
+            float(step),
+            float(relaxation),
         )
         if end == CONSTANT:
             return None
@@ -59,7 +68,7 @@ class CompiledKernel:
         self._load(V)
         use = self._use
         area, volume, x, y, z, edges, variation = shape.measure(
-            use.position, self._mesh.corners, use.face_area, use.curvature, self._sums, self._closed
+            use.position, self._mesh.corners, self._face_area, use.curvature, self._sums, self._closed
         )
         if len(self._single):  # the sum over the faces has these once, all others twice
             a, b = use.position[:, self._single[:, 0]], use.position[:, self._single[:, 1]]
@@ -81,22 +90,29 @@ class CompiledEngine:
         return CompiledKernel(topology, config)
 
 
-def _buffers(mesh: Connectivity, n: int) -> Buffers:
-    m, i = mesh.corners.shape[1], mesh.ends.shape[1]
+def buffers(n: int, n_held: int) -> Buffers:
+    """Allocate what the passes write, for n vertices of which some are held."""
     return Buffers(
         position=np.empty((3, n)),
+        moved=np.empty((3, n)),
         normal=np.empty((3, n)),
         curvature=np.empty(n),
         area=np.empty(n),
         altitude=np.empty(n),
-        weighted=np.empty((3, n)),
-        face_normal=np.empty((3, m)),
-        face_area=np.empty(m),
-        face_altitude=np.empty(m),
-        edge_value=np.empty(i),
-        scratch=np.empty((4, max(int(edges.BLOCK), vertices.WINDOW))),
-        lanes=np.empty((3, vertices.WINDOW)),
-        held_position=np.empty((3, len(mesh.held))),
-        counts=np.empty(selection.BINS, dtype=np.int64),
+        held_position=np.empty((3, n_held)),
+        bins=np.empty(n, dtype=np.uint16),
         chosen=np.empty((2, n)),
+        counts=np.empty(selection.BINS, dtype=np.int64),
+        sample=np.empty(selection.SAMPLE),
     )
+
+
+def _scratch() -> Scratch:
+    size, line = (
+        rings.ROWS * rings.STRIDE,
+        8,
+    )  # numbers in a cache line: rows that begin with one are read in one go
+    space = np.empty(size + line)
+    start = -(space.ctypes.data // 8) % line
+    rows = space[start : start + size].reshape(rings.ROWS, rings.STRIDE)
+    return Scratch(rows, np.empty(rings.STRIDE, dtype=np.int64))

@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
-from spherify.geometry.kernels.passes.types import Connectivity
-from spherify.geometry.kernels.passes.vertices import WINDOW
+from spherify.geometry.kernels.passes.fans import walk
+from spherify.geometry.kernels.passes.types import NONE, RING, Connectivity
 from spherify.geometry.mesh import Ints
 from spherify.geometry.topology import Topology
 
+WINDOW = 1024  # vertices that are sorted by degree: few enough to stay near, enough for runs of some length
 _Indices = NDArray[np.uint32]
 
 
@@ -34,55 +35,100 @@ class Numbering:
 
     @classmethod
     def of(cls, topology: Topology, held: Ints) -> Numbering:
-        """Give vertices places: by reverse Cuthill-McKee, then within windows by how many edges and faces they have.
+        """Give vertices places: by reverse Cuthill-McKee, then within windows by how many neighbours they have.
 
-        Faces and edges follow the order of their first vertices. Gathers then stay within the cache at any size.
+        Faces follow the order of their first vertices. Gathers then stay within the cache at any size.
         """
         n = topology.n_vertices
-        degrees = np.stack(
-            [
-                topology.interior_degrees,
-                np.bincount(topology.faces.reshape(-1), minlength=n),
-                np.bincount(topology.edges.reshape(-1), minlength=n),
-            ]
-        )
+        twins = _twins(topology)
+        rings = _Rings.of(topology, twins)
         order = _local_order(topology)
         window = np.arange(n) // WINDOW
-        order = order[np.lexsort((degrees[2, order], degrees[0, order], degrees[1, order], window))]
+        order = order[np.lexsort((rings.degrees[order], rings.closed[order], window))]
         place = _inverse(order)
-        degrees = degrees[:, order]
+        runs, ring = rings.laid_out(order, place, window)
 
         faces = place[topology.faces]
         faces_order = np.argsort(faces.min(axis=1), kind="stable")
-        faces = faces[faces_order]
-        ends = place[topology.interior_edges]
-        sides = _inverse(faces_order)[topology.interior_edge_faces]
-        edges_order = np.lexsort((ends.max(axis=1), ends.min(axis=1)))
-        ends, sides = ends[edges_order], sides[edges_order]
-        every = place[topology.edges]
-
-        first, last = _runs(degrees, window)
-        columns: list[Ints] = [first, last]
-        lists = []
-        for degree, owners, entries in (
-            (degrees[0], ends.T.reshape(-1), np.tile(np.arange(len(ends)), 2)),
-            (degrees[1], faces.T.reshape(-1), np.tile(np.arange(len(faces)), 3)),
-            (degrees[2], every.T.reshape(-1), every[:, ::-1].T.reshape(-1)),
-        ):
-            base, listed = _neighbour_by_neighbour(first, last, degree, owners, entries)
-            columns += [degree[first], base]
-            lists.append(listed)
+        faces = np.ascontiguousarray(faces[faces_order])
+        old = (3 * faces_order[:, None] + np.arange(3)).reshape(-1)  # the half-edge at each new place
+        new = np.append(_inverse(old), NONE)  # -1, no twin, leads to the last
+        tails = faces.reshape(-1)
         connectivity = Connectivity(
-            corners=_rows(faces),
-            ends=_rows(ends),
-            sides=_rows(sides),
-            runs=np.stack(columns, axis=1).astype(np.uint32),
-            edges_at=lists[0],
-            faces_at=lists[1],
-            ring=lists[2],
+            corners=np.ascontiguousarray(faces.T, dtype=np.uint32),
+            twins=new[twins[old]].astype(np.uint32),
+            first=_starts(np.bincount(tails, minlength=n)),
+            halfedges=np.argsort(tails, kind="stable").astype(np.uint32),
+            runs=runs,
+            ring=ring,
             held=place[held].astype(np.uint32),
         )
         return cls(order, place, connectivity)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Rings:
+    """The neighbours of each vertex of the mesh.
+
+    Attributes:
+        degrees: (n,) how many.
+        closed: (n,) whether they are in order, counter-clockwise and all around.
+        neighbours: vertex by vertex.
+
+    """
+
+    degrees: Ints
+    closed: NDArray[np.bool_]
+    neighbours: Ints
+
+    @classmethod
+    def of(cls, topology: Topology, twins: Ints) -> _Rings:
+        n = topology.n_vertices
+        tails = topology.faces.reshape(-1)
+        first = _starts(np.bincount(tails, minlength=n))
+        halfedges = np.argsort(tails, kind="stable").astype(np.uint32)
+        heads = np.ascontiguousarray(np.roll(topology.faces, -1, axis=1)).reshape(-1).astype(np.uint32)
+        circle = np.empty(len(tails), dtype=np.uint32)
+        closed = np.empty(n, dtype=np.bool_)
+        walk(heads, np.where(twins < 0, NONE, twins).astype(np.uint32), first, halfedges, circle, closed)
+
+        ends = topology.edges.T.reshape(-1)
+        degrees = np.bincount(ends, minlength=n)
+        by_vertex = np.argsort(ends, kind="stable")
+        neighbours = topology.edges[:, ::-1].T.reshape(-1)[by_vertex]
+        neighbours[closed[ends[by_vertex]]] = circle[np.repeat(closed, np.diff(first))]
+        return cls(degrees, closed, neighbours)
+
+    def laid_out(self, order: Ints, place: Ints, window: Ints) -> tuple[_Indices, _Indices]:
+        """Return `Connectivity.runs` and `Connectivity.ring` for vertices in that order."""
+        degrees, closed = self.degrees[order], self.closed[order]
+        keys = np.stack([degrees, closed, window])
+        first = np.flatnonzero(np.concatenate([[True], (keys[:, 1:] != keys[:, :-1]).any(axis=0)]))
+        last = np.append(first[1:], len(order))
+        sizes = last - first
+        base = np.cumsum(sizes * degrees[first]) - sizes * degrees[first]
+        # The entry of a vertex's j-th neighbour lies j times the size of its run behind that of its first.
+        owner = np.repeat(np.arange(len(self.degrees)), self.degrees)  # of the mesh, as are the neighbours
+        rank = np.arange(len(owner)) - np.repeat(np.cumsum(self.degrees) - self.degrees, self.degrees)
+        run = np.repeat(np.arange(len(first)), sizes)[place[owner]]
+        ring = np.empty(len(owner), dtype=np.uint32)
+        ring[base[run] + rank * sizes[run] + place[owner] - first[run]] = place[self.neighbours]
+        marks = np.where(closed[first], RING, 0)
+        return np.stack([first, last, marks, degrees[first], base], axis=1).astype(np.uint32), ring
+
+
+def _twins(topology: Topology) -> Ints:
+    """(3m,) the half-edge against each half-edge, -1 where there is none."""
+    order = np.argsort(topology.halfedge_edges, kind="stable")
+    order = order[topology.interior[topology.halfedge_edges[order]]].reshape(-1, 2)
+    twins = np.full(len(topology.halfedge_edges), -1)
+    twins[order[:, 0]], twins[order[:, 1]] = order[:, 1], order[:, 0]
+    return twins
+
+
+def _starts(counts: Ints) -> _Indices:
+    """(n + 1,) where each of n lists begins, and where the last ends."""
+    return np.concatenate([[0], np.cumsum(counts)]).astype(np.uint32)
 
 
 def _local_order(topology: Topology) -> Ints:
@@ -97,44 +143,3 @@ def _inverse(order: Ints) -> Ints:
     place = np.empty_like(order)
     place[order] = np.arange(len(order))
     return place
-
-
-def _runs(degrees: Ints, window: Ints) -> tuple[Ints, Ints]:
-    """First vertices of the runs, and those behind their last: same window, same three degrees."""
-    keys = np.concatenate([degrees, window[None]])
-    starts = np.concatenate([[True], (keys[:, 1:] != keys[:, :-1]).any(axis=0)])
-    first = np.flatnonzero(starts)
-    return first, np.append(first[1:], len(window))
-
-
-def _neighbour_by_neighbour(
-    first: Ints, last: Ints, degree: Ints, owners: Ints, entries: Ints
-) -> tuple[Ints, _Indices]:
-    """Lay out lists, run by run: the first entry of each vertex of the run, then the second of each, and so on.
-
-    Args:
-        first: (r,) first vertices of the runs.
-        last: (r,) those behind their last.
-        degree: (n,) lengths of the lists, the same within a run.
-        owners: (k,) the vertex of each entry.
-        entries: (k,) in any order; a vertex keeps it.
-
-    Returns:
-        where each run begins, and all lists.
-
-    """
-    sizes = last - first
-    base = np.concatenate([[0], np.cumsum(sizes * degree[first])])[:-1]
-    by_owner = np.argsort(owners, kind="stable")
-    owner = owners[by_owner]
-    starts = np.concatenate([[0], np.cumsum(degree)])
-    rank = np.arange(len(owner)) - starts[owner]
-    run = np.repeat(np.arange(len(first)), sizes)[owner]
-    listed = np.empty(len(owner), dtype=np.uint32)
-    listed[base[run] + rank * sizes[run] + owner - first[run]] = entries[by_owner]
-    return base, listed
-
-
-def _rows(columns: Ints) -> _Indices:
-    """(k, j) indices as (j, k), row by row in memory."""
-    return np.ascontiguousarray(columns.T, dtype=np.uint32)

@@ -12,10 +12,29 @@ from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
+import llvmlite.binding as llvm
+from numba import config as _config
 from numba import njit
 from numba.core.compiler import Compiler
 
+config: Any = _config  # its attributes are made when it is imported
 F = TypeVar("F", bound=Callable[..., Any])
+
+
+def _use_wide_vectors() -> None:
+    """Let LLVM use 512-bit registers where there are some.
+
+    It keeps to 256 bits on processors whose first models slowed down for wider ones; here, where nearly all is vector
+    code, 512 are a third quicker. Whoever names a processor or features (``NUMBA_CPU_NAME``, ``NUMBA_CPU_FEATURES``)
+    is left alone. The same bits either way.
+    """
+    features = llvm.get_host_cpu_features()
+    if config.CPU_NAME is None and config.CPU_FEATURES is None and features.get("avx512f"):
+        config.CPU_NAME = llvm.get_host_cpu_name()
+        config.CPU_FEATURES = f"{features.flatten()},-prefer-256-bit"
+
+
+_use_wide_vectors()
 
 
 class _Apart(Compiler):
@@ -31,7 +50,7 @@ _OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True}
 
 def inner(function: F) -> F:
     """Compile a pass whose array arguments never overlap; it is kept within the entries that call it."""
-    return cast(F, njit(pipeline_class=_Apart, **_OPTIONS)(function))
+    return cast(F, njit(pipeline_class=_Apart, forceinline=True, **_OPTIONS)(function))
 
 
 def entry(function: F) -> F:

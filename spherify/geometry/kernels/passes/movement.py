@@ -2,31 +2,53 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from spherify.geometry.kernels.passes.jit import inner
-from spherify.geometry.kernels.passes.types import Floats
+from spherify.geometry.kernels.passes.types import Floats, Index
+
+
+@inner
+def distance(
+    K: float, altitude: float, K_min: float, width: float, step: float, outward: bool, bound: float
+) -> float:
+    """-C·t for I_C(p) = p - C·t·n_p, or C·(1 - t) for O_C(p) = p + C·(1 - t)·n_p, t = (K - K_min) / width in [0, 1].
+
+    No vertex moves further than ``bound`` times the least altitude of the faces at it; 0 is off.
+    """
+    t = (K - K_min) / width
+    t = 0.0 if t < 0 else t
+    t = 1.0 if t > 1 else t
+    along = step * (1.0 - t) if outward else -(step * t)
+    if bound > 0:
+        most = bound * altitude
+        along = -most if along < -most else along
+        along = most if along > most else along
+    return along
 
 
 @inner
 def move(
     x: Floats, y: Floats, z: Floats, K: Floats, px: Floats, py: Floats, pz: Floats, altitude: Floats,
-    K_min: float, K_max: float, step: float, outward: bool, bound: float,
+    K_min: float, K_max: float, step: float, outward: bool, bound: float, low: Index, high: Index,
 ) -> None:  # fmt: skip
-    """I_C(p) = p - C·t·n_p, or O_C(p) = p + C·(1 - t)·n_p, with t = (K - K_min) / (K_max - K_min) in [0, 1].
-
-    No vertex moves further than ``bound`` times the least altitude of the faces at it; 0 is off.
-    """
+    """Move vertices along their normals where they are."""
     width = K_max - K_min
-    for p in range(np.uint32(0), np.uint32(x.size)):
-        t = (K[p] - K_min) / width
-        t = 0.0 if t < 0 else t
-        t = 1.0 if t > 1 else t
-        distance = step * (1.0 - t) if outward else -(step * t)
-        if bound > 0:
-            most = bound * altitude[p]
-            distance = -most if distance < -most else distance
-            distance = most if distance > most else distance
-        x[p] += distance * px[p]
-        y[p] += distance * py[p]
-        z[p] += distance * pz[p]
+    for p in range(low, high):
+        along = distance(K[p], altitude[p], K_min, width, step, outward, bound)
+        x[p] += along * px[p]
+        y[p] += along * py[p]
+        z[p] += along * pz[p]
+
+
+@inner
+def move_to(
+    x: Floats, y: Floats, z: Floats, K: Floats, px: Floats, py: Floats, pz: Floats, altitude: Floats,
+    mx: Floats, my: Floats, mz: Floats,
+    K_min: float, K_max: float, step: float, outward: bool, bound: float, low: Index, high: Index,
+) -> None:  # fmt: skip
+    """Write to (mx, my, mz) where `move` would take the vertices."""
+    width = K_max - K_min
+    for p in range(low, high):
+        along = distance(K[p], altitude[p], K_min, width, step, outward, bound)
+        mx[p] = x[p] + along * px[p]
+        my[p] = y[p] + along * py[p]
+        mz[p] = z[p] + along * pz[p]

@@ -20,72 +20,79 @@ MOVED: Final = 0
 CONSTANT: Final = 1  # the curvature is the same everywhere
 NOT_FINITE: Final = 2  # a curvature is not a number, or infinite
 
+NONE: Final = 0xFFFFFFFF  # no such index
+RING: Final = 1  # the neighbours of a run are in order, all around; 0: they are in any
+
 
 class Connectivity(NamedTuple):
     """Who touches whom, numbered as `spherify.geometry.kernels.numbering` does; all indices are uint32.
 
+    Half-edge ``3·f + k`` runs from corner k of face f to the next corner of that face.
+
     Attributes:
         corners: (3, m) vertices of the faces.
-        ends: (2, i) vertices of the interior edges, in the direction in which their first face runs.
-        sides: (2, i) the two faces of the interior edges.
-        runs: (r, 8) runs of neighbouring vertices that have as many edges and faces each: first vertex, one
-            behind the last; then the number of interior edges, of faces and of all edges at each of them, each followed
-            by where the lists of the run begin in the three arrays below. Lists of a run lie neighbour by neighbour:
-            first that of each vertex, then the second of each, and so on.
-        edges_at: interior edges at the vertices.
-        faces_at: faces at the vertices.
-        ring: neighbouring vertices, along all edges.
+        twins: (3m,) the half-edge against each half-edge, or NONE.
+        first: (n + 1,) where the half-edges that start at each vertex begin in ``halfedges``.
+        halfedges: (3m,) by the vertex they start at.
+        runs: (r, 5) runs of neighbouring vertices that have as many neighbours each: first vertex, one behind the
+            last, RING or not, number of neighbours, and where the neighbours of the run begin in ``ring``: first
+            that of each vertex, then the second of each, and so on.
+        ring: neighbouring vertices, along all edges; those of a run marked RING counter-clockwise.
         held: vertices that stay where they are.
 
     """
 
     corners: Indices
-    ends: Indices
-    sides: Indices
+    twins: Indices
+    first: Indices
+    halfedges: Indices
     runs: Indices
-    edges_at: Indices
-    faces_at: Indices
     ring: Indices
     held: Indices
 
 
 class Buffers(NamedTuple):
-    """What the passes write; allocated once a kernel.
+    """What the passes write for all vertices; allocated once a kernel.
 
     Attributes:
         position: (3, n), in and out.
-        normal: (3, n) vertex normals; area-weighted positions in between.
+        moved: (3, n) positions after the movement, before the relaxation.
+        normal: (3, n) vertex normals.
         curvature: (n,) K.
         area: (n,) sum of the areas of the faces at each vertex; then its weight as a neighbour.
         altitude: (n,) least altitude of the faces at each vertex.
-        weighted: (3, n) positions times weights.
-        face_normal: (3, m) n_f.
-        face_area: (m,)
-        face_altitude: (m,)
-        edge_value: (i,)
-        scratch: (4, BLOCK) what one block hands from loop to loop.
-        lanes: (3, WINDOW) running extremes and finiteness of K.
         held_position: (3, h) where the held vertices are.
-        counts: (BINS,) of the selection.
+        bins: (n,) the bin of each K in the histogram.
         chosen: (2, n) values the selection still chooses from.
+        counts: (BINS,) of the selection.
+        sample: (SAMPLE,) of the selection.
 
     """
 
     position: Floats
+    moved: Floats
     normal: Floats
     curvature: Floats
     area: Floats
     altitude: Floats
-    weighted: Floats
-    face_normal: Floats
-    face_area: Floats
-    face_altitude: Floats
-    edge_value: Floats
-    scratch: Floats
-    lanes: Floats
     held_position: Floats
-    counts: NDArray[np.int64]
+    bins: NDArray[np.uint16]
     chosen: Floats
+    counts: NDArray[np.int64]
+    sample: Floats
+
+
+class Scratch(NamedTuple):
+    """What one thread writes for one block.
+
+    Attributes:
+        rows: (ROWS, STRIDE), see `spherify.geometry.kernels.passes.rings`.
+        flat: (STRIDE,) not 0 for a vertex one of whose faces is flat.
+
+    """
+
+    rows: Floats
+    flat: NDArray[np.int64]
 
 
 class Mode(NamedTuple):

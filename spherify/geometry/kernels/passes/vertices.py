@@ -1,148 +1,72 @@
-"""Vertices: curvature K, normal n_p, and, where asked for, the areas and least altitude of the faces at each.
-
-A vertex sums over a list of edges or faces. Lists of different lengths do not vectorise, and each of their ends is a
-jump the processor guesses wrong; so vertices are numbered in runs of equal lengths (`Connectivity.runs`), and a run is
-summed neighbour by neighbour: the inner loop goes over the vertices.
-"""
+"""Vertices run by run: K, n_p, area and least altitude of each, by its ring where it has one."""
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
+from spherify.geometry.kernels.passes.corners import vertex
 from spherify.geometry.kernels.passes.jit import inner
-from spherify.geometry.kernels.passes.types import DUAL_AREA, Floats, Index, Indices
-
-WINDOW = 1024  # vertices at most in a run; numbering sorts them by degree within a window of as many
-
-
-@inner
-def sum_one(
-    at: Indices, base: Index, degree: Index, v: Floats, total: Floats, low: Index, high: Index
-) -> None:
-    """Sum ``v`` over the lists of a run."""
-    count = np.uint32(high - low)
-    for p in range(low, high):
-        total[p] = 0.0
-    for j in range(np.uint32(0), degree):
-        first = np.uint32(base + j * count)
-        for k in range(np.uint32(0), count):
-            total[np.uint32(low + k)] += v[at[np.uint32(first + k)]]
+from spherify.geometry.kernels.passes.rings import BLOCK, any_flat, ring_block
+from spherify.geometry.kernels.passes.types import RING, Buffers, Connectivity, Floats, Index, Mode, Scratch
 
 
 @inner
-def sum_three(
-    at: Indices, base: Index, degree: Index, u: Floats, v: Floats, w: Floats,
-    sum_u: Floats, sum_v: Floats, sum_w: Floats, low: Index, high: Index,
-) -> None:  # fmt: skip
-    """Sum the three coordinates ``u``, ``v``, ``w`` over the lists of a run."""
-    count = np.uint32(high - low)
-    for own in range(low, high):
-        sum_u[own] = 0.0
-        sum_v[own] = 0.0
-        sum_w[own] = 0.0
-    for j in range(np.uint32(0), degree):
-        first = np.uint32(base + j * count)
-        for k in range(np.uint32(0), count):
-            i = at[np.uint32(first + k)]
-            p = np.uint32(low + k)
-            sum_u[p] += u[i]
-            sum_v[p] += v[i]
-            sum_w[p] += w[i]
-
-
-@inner
-def least(at: Indices, base: Index, degree: Index, v: Floats, found: Floats, low: Index, high: Index) -> None:
-    """Take the least of ``v`` over the lists of a run; what is not a number is passed on."""
-    count = np.uint32(high - low)
-    for i in range(low, high):
-        found[i] = np.inf
-    for j in range(np.uint32(0), degree):
-        first = np.uint32(base + j * count)
-        for k in range(np.uint32(0), count):
-            p = np.uint32(low + k)
-            new = v[at[np.uint32(first + k)]]
-            found[p] = found[p] if found[p] <= new else new
-
-
-@inner
-def normalise(px: Floats, py: Floats, pz: Floats, low: Index, high: Index) -> None:
-    """Scale vectors to length 1; zero stays zero."""
-    for p in range(low, high):
-        length = math.sqrt(px[p] * px[p] + py[p] * py[p] + pz[p] * pz[p])
-        scale = 1.0 / length if length != 0 else 0.0
-        px[p] *= scale
-        py[p] *= scale
-        pz[p] *= scale
-
-
-@inner
-def average(K: Floats, degree: Index, low: Index, high: Index) -> None:
-    """Divide sums by the number of edges at each vertex of a run."""
-    by = float(max(degree, np.uint32(1)))
-    for p in range(low, high):
-        K[p] /= by
-
-
-@inner
-def over_dual_area(K: Floats, area: Floats, low: Index, high: Index) -> None:
-    """¼ Σ l·θ ÷ (⅓ Σ areas); 0 where there is no area."""
-    for p in range(low, high):
-        dual = area[p] / 3.0
-        K[p] = 0.25 * K[p] / dual if dual != 0 else 0.0
-
-
-@inner
-def note_extremes(
-    K: Floats, least_K: Floats, greatest_K: Floats, off: Floats, low: Index, high: Index
-) -> None:
-    """Bring the running extremes up to date, one for each place in a run, so that no value waits for another.
+def note_extremes(K: Floats, least: Floats, greatest: Floats, off: Floats, low: Index, count: Index) -> None:
+    """Bring the running extremes up to date, one for each place in a block, so that no value waits for another.
 
     ``off`` stays 0 as long as all K are finite: 0·K is not a number where K is infinite or none itself.
     """
-    for p in range(low, high):
-        j = np.uint32(p - low)
-        k = K[p]
-        least_K[j] = k if k < least_K[j] else least_K[j]
-        greatest_K[j] = k if k > greatest_K[j] else greatest_K[j]
+    for j in range(np.uint32(0), count):
+        k = K[np.uint32(low + j)]
+        least[j] = k if k < least[j] else least[j]
+        greatest[j] = k if k > greatest[j] else greatest[j]
         off[j] += 0.0 * k
 
 
 @inner
 def vertex_pass(
-    runs: Indices, edges_at: Indices, faces_at: Indices,
-    edge_value: Floats, nx: Floats, ny: Floats, nz: Floats, face_area: Floats, face_altitude: Floats,
-    K: Floats, px: Floats, py: Floats, pz: Floats, area: Floats, altitude: Floats,
-    least_K: Floats, greatest_K: Floats, off: Floats, measure: int, areas: bool, bounded: bool,
-) -> tuple[float, float, bool]:  # fmt: skip
-    """K, n_p, and if asked for areas and least altitudes at the vertices.
+    mesh: Connectivity, use: Buffers, scratch: Scratch, mode: Mode, first_run: int, last_run: int
+) -> tuple[float, float, bool]:
+    """Compute the vertices of the runs ``first_run`` … ``last_run``.
 
     Returns:
-        the extremes of K, and whether all K are finite.
+        the extremes of their K, and whether all are finite.
 
     """
-    for j in range(least_K.size):
-        least_K[j] = np.inf
-        greatest_K[j] = -np.inf
-        off[j] = 0.0
-    for r in range(runs.shape[0]):
-        low, high = runs[r, 0], runs[r, 1]
-        sum_one(edges_at, runs[r, 3], runs[r, 2], edge_value, K, low, high)
-        sum_three(faces_at, runs[r, 5], runs[r, 4], nx, ny, nz, px, py, pz, low, high)
-        normalise(px, py, pz, low, high)
-        if areas:
-            sum_one(faces_at, runs[r, 5], runs[r, 4], face_area, area, low, high)
-        if bounded:
-            least(faces_at, runs[r, 5], runs[r, 4], face_altitude, altitude, low, high)
-        if measure == DUAL_AREA:
-            over_dual_area(K, area, low, high)
-        else:
-            average(K, runs[r, 2], low, high)
-        note_extremes(K, least_K, greatest_K, off, low, high)
+    x, y, z = use.position[0], use.position[1], use.position[2]
+    px, py, pz = use.normal[0], use.normal[1], use.normal[2]
+    K, area, altitude = use.curvature, use.area, use.altitude
+    least, greatest, off = scratch.rows[22], scratch.rows[23], scratch.rows[24]
+    bounded = mode.step_bound > 0
+    for j in range(least.size):
+        least[j], greatest[j], off[j] = np.inf, -np.inf, 0.0
+    for r in range(first_run, last_run):
+        low, last = mesh.runs[r, 0], mesh.runs[r, 1]
+        step = np.uint32(last - low)
+        at = mesh.runs[r, 4]
+        while low < last:
+            count = min(np.uint32(BLOCK), np.uint32(last - low))
+            by_ring = mesh.runs[r, 2] == RING
+            if by_ring:
+                ring_block(
+                    mesh.ring, x, y, z, K, px, py, pz, area, altitude, scratch.rows, scratch.flat,
+                    mode.measure, bounded, low, count, mesh.runs[r, 3], at, step,
+                )  # fmt: skip
+            if not by_ring or any_flat(scratch.flat, count):
+                for k in range(np.uint32(0), count):
+                    if not by_ring or scratch.flat[k] != 0:
+                        p = np.uint32(low + k)
+                        vertex(
+                            x, y, z, mesh.corners, mesh.halfedges, mesh.twins,
+                            mesh.first[p], mesh.first[np.uint32(p + np.uint32(1))],
+                            mode.measure, K, px, py, pz, area, altitude, p,
+                        )  # fmt: skip
+            note_extremes(K, least, greatest, off, low, count)
+            low = np.uint32(low + count)
+            at = np.uint32(at + count)
     K_min, K_max, finite = np.inf, -np.inf, 0.0
-    for j in range(least_K.size):
-        K_min = min(K_min, least_K[j])
-        K_max = max(K_max, greatest_K[j])
+    for j in range(BLOCK):
+        K_min = min(K_min, least[j])
+        K_max = max(K_max, greatest[j])
         finite += off[j]
     return K_min, K_max, finite == 0
