@@ -30,5 +30,4 @@ EXPOSE 8000
 # The API's; a worker is asked with `python -m worker.health`, as docker-compose.yml does.
 HEALTHCHECK --interval=10s --timeout=5s --start-period=30s --retries=3 \
   CMD ["python", "-c", "import urllib.request as u; u.urlopen('http://127.0.0.1:8000/healthz', timeout=4)"]
-CMD ["uvicorn", "--factory", "service.app:create_app", "--host", "0.0.0.0", "--port", "8000", \
-     "--no-server-header", "--timeout-graceful-shutdown", "20"]
+CMD ["python", "-m", "service", "--host", "0.0.0.0", "--grace", "20"]

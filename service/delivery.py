@@ -7,12 +7,13 @@ import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from http import HTTPStatus
-from typing import BinaryIO, Final
+from typing import Any, BinaryIO, Final
 from urllib.parse import quote
 
 from pydantic import BaseModel
 from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
+from starlette.types import Receive, Scope, Send
 
 from service.problems import ProblemError
 from spherify.formats.names import safe_name
@@ -120,7 +121,7 @@ def deliver(request: Request, content: Content, vary: str | None = None) -> Resp
     media_type = content.media_type
     if request.scope.get("head"):  # no body is sent: do not open what may be large
         return Response(status_code=status, headers=headers, media_type=media_type)
-    return StreamingResponse(_pieces(content.open(), start, end), status, headers, media_type)
+    return _FileAnswer(content.open(), start, end, status_code=status, headers=headers, media_type=media_type)
 
 
 def file_name(stem: str, tail: str) -> str:
@@ -159,10 +160,24 @@ def _range(request: Request, content: Content) -> tuple[int, int]:
     return start, end
 
 
+class _FileAnswer(StreamingResponse):
+    """Part of a file, which is closed whatever becomes of the client."""
+
+    def __init__(self, file: BinaryIO, start: int, end: int, **options: Any) -> None:  # noqa: ANN401 (starlette's)
+        super().__init__(_pieces(file, start, end), **options)
+        self._file = file
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Send it."""
+        try:
+            await super().__call__(scope, receive, send)
+        finally:
+            self._file.close()
+
+
 def _pieces(file: BinaryIO, start: int, end: int) -> Iterator[bytes]:
-    with file:
-        file.seek(start)
-        left = end - start
-        while left > 0 and (piece := file.read(min(_PIECE, left))):
-            left -= len(piece)
-            yield piece
+    file.seek(start)
+    left = end - start
+    while left > 0 and (piece := file.read(min(_PIECE, left))):
+        left -= len(piece)
+        yield piece

@@ -95,6 +95,9 @@ class ErrorGuard:
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
+        if (refusal := scope["state"].get("refusal")) is not None:  # by the server
+            await problem_answer(Request(scope), refusal)(scope, receive, send)
+            return
         started = False
 
         async def watch(message: Message) -> None:

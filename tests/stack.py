@@ -90,8 +90,7 @@ class Stack:
         with socket.socket() as probe:
             probe.bind(("127.0.0.1", 0))
             port = probe.getsockname()[1]
-        options = ["--factory", "service.app:create_app", "--host", "127.0.0.1", "--port", str(port)]
-        process = self._start("api", [sys.executable, "-m", "uvicorn", *options])
+        process = self._start("api", [sys.executable, "-m", "service", f"--port={port}"])
         self.url = f"http://127.0.0.1:{port}"
         wait_for(
             lambda: self._running(process) and _answers(f"{self.url}/healthz"),

@@ -18,6 +18,7 @@ import pytest
 import uvicorn
 
 from service.app import create_app
+from service.server import configuration
 from spherify.jobs import layout
 from spherify.jobs.model import Job, JobStatus, MeshRecord, Outcome, Progress, Snapshot
 from spherify.settings import Settings
@@ -49,10 +50,12 @@ def stretched(factor: float) -> bytes:
 
 
 @contextmanager
-def serve(settings: Settings, stores: object) -> Iterator[str]:
-    """Run the service in a thread and yield its URL."""
+def serve(settings: Settings, stores: object, **options: object) -> Iterator[str]:
+    """Run the service in a thread and yield its URL; options are those of `service.server.configuration`."""
     app = create_app(settings, stores)  # type: ignore[arg-type]
-    config = uvicorn.Config(app, port=0, log_config=None, lifespan="off", timeout_graceful_shutdown=2)
+    config = configuration(
+        app, port=0, log_config=None, lifespan="off", timeout_graceful_shutdown=2, **options
+    )
     server = uvicorn.Server(config)
     started = threading.Event()
     startup = server.startup

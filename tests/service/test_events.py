@@ -184,7 +184,7 @@ def test_open_streams_do_not_hold_a_stop_up(
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
-    command = [sys.executable, "-m", "uvicorn", "--factory", "service.app:create_app", "--port", str(port)]
+    command = [sys.executable, "-m", "service", f"--port={port}"]
     environment = os.environ | {"REDIS_URL": settings.redis_url, "SPHERIFY_DATA_DIR": str(settings.data_dir)}
     with subprocess.Popen(command, env=environment, cwd=ROOT, stderr=subprocess.PIPE, text=True) as process:
         try:

@@ -235,9 +235,7 @@ def test_it_starts_from_the_environment_and_stops_cleanly(server_url: str, tmp_p
         "-W",
         "error::ResourceWarning",
         "-m",
-        "uvicorn",
-        "--factory",
-        "service.app:create_app",
+        "service",
     ]
     environment = os.environ | {"REDIS_URL": server_url, "SPHERIFY_DATA_DIR": str(tmp_path)}
     process = subprocess.Popen(
