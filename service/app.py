@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import socket
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from typing import Any
@@ -22,6 +24,7 @@ from service.stopping import on_stop
 from spherify import __version__
 from spherify.settings import Settings
 from spherify.stores.connect import open_stores
+from spherify.stores.reconciler import ReconcilerThread
 
 
 def create_app(settings: Settings | None = None, stores: Stores | None = None) -> FastAPI:
@@ -29,19 +32,27 @@ def create_app(settings: Settings | None = None, stores: Stores | None = None) -
 
     Args:
         settings: read from the environment by default.
-        stores: opened as the settings say by default; they are closed when the service stops.
+        stores: opened as the settings say by default, and then looked after by a reconciler too; they are closed
+            when the service stops.
 
     """
     if settings is None:  # started as a program of its own
         set_up_logs()
         settings = Settings()
+    reconciler = (
+        None if stores else ReconcilerThread(settings, name=f"api@{socket.gethostname()}/{os.getpid()}")
+    )
     stores = stores or open_stores(settings)
     services = Services.of(settings, stores)
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
+        if reconciler is not None:
+            reconciler.start()
         with on_stop(services.watch.close):
             yield
+        if reconciler is not None:
+            reconciler.stop()
         await to_thread.run_sync(stores.close)
 
     app = FastAPI(

@@ -63,6 +63,11 @@ class Settings(BaseSettings):
     orphan_s: float = Field(
         default=15.0, gt=0, description="A waiting job that no queue holds is sent again after this long."
     )
+    watchdog_s: float = Field(
+        default=20.0,
+        ge=5,
+        description="A worker that fetches nothing although it could ends after this long, to be started again.",
+    )
     max_losses: int = Field(
         default=3, ge=0, description="A job whose worker is lost more often than this fails."
     )
@@ -70,7 +75,9 @@ class Settings(BaseSettings):
         default=5.0, gt=0, description="A runner told to stop is killed after this long."
     )
     wall_limit_s: float = Field(
-        default=6 * 3600.0, gt=0, description="A job ends with `deadline` after this long."
+        default=6 * 3600.0,
+        gt=0,
+        description="A job ends with `deadline` after this long at work, all its attempts together.",
     )
     checkpoint_s: float = Field(
         default=60.0, gt=0, description="A run keeps its state at least this often, to go on from."

@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeVar
 
+from spherify.jobs.rebuild import rebuild
 from spherify.settings import Settings
 from spherify.stores import keys
 from spherify.stores.connect import Stores, open_stores
@@ -60,18 +61,28 @@ class Stack:
     _processes: list[subprocess.Popen[bytes]] = field(default_factory=list)
 
     def launch_worker(
-        self, name: str = "one", *, concurrency: int = 1, environment: Mapping[str, str] | None = None
+        self,
+        name: str = "one",
+        *,
+        concurrency: int = 1,
+        environment: Mapping[str, str] | None = None,
+        program: str = "worker",
     ) -> subprocess.Popen[bytes]:
         """Start a worker, and do not wait for it; `environment` is added to that of the stack."""
-        command = [sys.executable, "-m", "worker", f"--concurrency={concurrency}", f"--hostname={name}@test"]
+        command = [sys.executable, "-m", program, f"--concurrency={concurrency}", f"--hostname={name}@test"]
         self.workers[name] = self._start(f"worker-{name}", command, environment)
         return self.workers[name]
 
     def start_worker(
-        self, name: str = "one", *, concurrency: int = 1, environment: Mapping[str, str] | None = None
+        self,
+        name: str = "one",
+        *,
+        concurrency: int = 1,
+        environment: Mapping[str, str] | None = None,
+        program: str = "worker",
     ) -> subprocess.Popen[bytes]:
         """Start a worker and wait until it takes jobs."""
-        process = self.launch_worker(name, concurrency=concurrency, environment=environment)
+        process = self.launch_worker(name, concurrency=concurrency, environment=environment, program=program)
         wait_for(
             lambda: self._running(process) and self.stores.client.exists(keys.WORKER + f"{name}@test"),
             limit_s=READY_S,
@@ -153,6 +164,7 @@ def started_stack(
     settings = _settings(variables)
     stack = Stack(data_dir, {**os.environ, **variables}, settings, open_stores(settings), server)
     try:
+        rebuild(stack.stores.stock)  # of nothing: no test need wait for a process to do it
         for number in range(workers):
             stack.start_worker(str(number))
         if api:

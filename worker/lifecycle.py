@@ -1,6 +1,7 @@
 """What lives as long as a worker's processes: the supervisor of each pool process, the reconciler of the main one.
 
-    main process          reads messages; reconciles, in a thread; on SIGTERM raises a flag its children share
+    main process          reads messages; reconciles and watches itself, in threads; on SIGTERM raises a flag its
+    │                     children share
     └── pool process      one supervisor; one delivery at a time
         ├── runner        computes
         └── runner        the spare
@@ -18,14 +19,17 @@ import os
 from typing import Any
 
 from celery import signals
+from celery.worker import state
 
 from spherify.settings import Settings
 from spherify.stores.connect import Stores, open_stores
+from spherify.stores.reconciler import ReconcilerThread
 from spherify.stores.tether import die_with_parent
 from worker import logs
-from worker.reconciler import ReconcilerThread
+from worker.liveness import turns
 from worker.runners import Runners
 from worker.supervisor import Supervisor
+from worker.watchdog import Vitals, Watchdog
 
 log = logging.getLogger(__name__)
 
@@ -41,6 +45,7 @@ class _Process:
     stores: Stores | None = None
     supervisor: Supervisor | None = None
     reconciler: ReconcilerThread | None = None
+    watchdog: Watchdog | None = None
 
 
 def connect(settings: Settings) -> None:
@@ -85,8 +90,21 @@ def _set_up_logging(**_: Any) -> None:  # noqa: ANN401 (what Celery sends along)
 
 
 def _begin(sender: Any, **_: Any) -> None:  # noqa: ANN401 (Celery's worker)
-    _Process.reconciler = ReconcilerThread(_Process.settings, name=f"{sender.hostname}/{os.getpid()}")
+    settings = _Process.settings
+    _Process.reconciler = ReconcilerThread(settings, name=f"{sender.hostname}/{os.getpid()}")
     _Process.reconciler.start()
+    stores, slots = open_stores(settings, timeout_s=_TIMEOUT_S), sender.app.conf.worker_concurrency
+    _Process.watchdog = Watchdog(
+        lambda: Vitals(
+            turns=turns(),
+            fetched=state.all_total_count[0],
+            idle=len(state.reserved_requests) < slots,
+            queued=stores.queue.length(),
+        ),
+        limit_s=settings.watchdog_s,
+        grace_s=settings.cancel_grace_s,
+    )
+    _Process.watchdog.start()
     log.info("ready", extra={"action": "ready"})
 
 
@@ -94,6 +112,8 @@ def _shut_down(**_: Any) -> None:  # noqa: ANN401 (as above)
     _stop.value = 1
     if _Process.reconciler is not None:
         _Process.reconciler.stop()
+    if _Process.watchdog is not None:
+        _Process.watchdog.stop()
 
 
 def _begin_child(**_: Any) -> None:  # noqa: ANN401 (as above)

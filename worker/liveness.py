@@ -1,4 +1,4 @@
-"""A sign of life in the server, written by Celery's event loop: it stops when the loop does."""
+"""A sign of life, given by Celery's event loop to the server and to this process: it stops when the loop does."""
 
 from __future__ import annotations
 
@@ -11,12 +11,13 @@ from spherify.settings import Settings
 from spherify.stores import keys
 from spherify.stores.client import connect, reachable
 
-PERIOD_S: Final = 5.0
+PERIOD_S: Final = 2.0
 LIFE_S: Final = 15
+_turns = [0]  # signs of life given by this process
 
 
 class SignOfLife(bootsteps.StartStopStep):  # type: ignore[misc] # celery has no types
-    """Writes the key of this worker every few seconds while the consumer's timer runs."""
+    """Writes the key of this worker, and counts, every other second while the consumer's timer runs."""
 
     requires = ("celery.worker.consumer.tasks:Tasks",)
 
@@ -37,11 +38,17 @@ class SignOfLife(bootsteps.StartStopStep):  # type: ignore[misc] # celery has no
             self._entry = None
 
     def _write(self, hostname: str) -> None:
+        _turns[0] += 1
         try:
             with reachable():
                 self._client.set(keys.WORKER + hostname, "alive", ex=LIFE_S)
         except StoreUnavailableError:
             return  # the missing key says it
+
+
+def turns() -> int:
+    """Return how often this process's event loop has given a sign of life."""
+    return _turns[0]
 
 
 def is_alive(redis_url: str, hostname: str) -> bool:

@@ -11,6 +11,7 @@ import resource
 import signal
 import sys
 import threading
+import traceback
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -24,7 +25,7 @@ from spherify.jobs import layout
 from spherify.jobs.codec import load_spec
 from spherify.jobs.errors import BlobNotFoundError, DamagedBlobError, StorageFullError
 from spherify.jobs.model import JobSpec, Progress
-from spherify.jobs.outcome import outcome_of
+from spherify.jobs.outcome import internal_error, outcome_of
 from spherify.jobs.rows import Row
 from spherify.jobs.run import Kept, RunEnd, Stop, run
 from spherify.parameters import stored_parameters
@@ -54,13 +55,14 @@ class PipeSink:
         self.send("snapshot", snapshot=asdict(record))
 
     def checkpoint(self, kept: Kept) -> None:
-        """Write the file, then remove the older ones; those of a later attempt are not ours."""
+        """Write the file, then remove the older ones but the last; those of a later attempt are not ours."""
         folder = layout.checkpoints(self.order.job_id)
         key = layout.numbered(folder, self.order.token, kept.iteration)
         self.blobs.create(key, dump_arrays(kept.arrays))
-        for older in list(self.blobs.list(folder)):
-            if older.key < key:
-                self.blobs.delete(older.key)
+        numbers = layout.numbers(key)
+        older = sorted((layout.numbers(stat.key), stat.key) for stat in self.blobs.list(folder))
+        for _, name in [pair for pair in older if pair[0] < numbers][:-1]:  # one, should this one be damaged
+            self.blobs.delete(name)
 
     def report(self, progress: Progress, rows: Sequence[Row]) -> None:
         """Say how far it is."""
@@ -83,6 +85,7 @@ def work(order: Order, pipe: BinaryIO, told: list[Stop]) -> None:
         mesh = TriangleMesh.checked(arrays["vertices"], arrays["faces"])
         end = _run(mesh, spec, sink, told)
     except MemoryError:
+        _limit_memory(resource.RLIM_INFINITY)  # what remains to be done is small, and has to be said
         detail = f"the job needs more memory than the {order.memory_bytes / 2**20:.0f} MiB a runner may have"
         sink.send("failed", code="out-of-memory", detail=f"{detail}: use a smaller mesh")
     except StorageFullError as e:
@@ -91,6 +94,10 @@ def work(order: Order, pipe: BinaryIO, told: list[Stop]) -> None:
         sink.send("failed", code="mesh-missing", detail=f"a file of this job cannot be read: {e}")
     except GeometryError as e:
         sink.send("failed", code="invalid-mesh", detail=str(e))
+    except Exception as e:  # noqa: BLE001 (whatever it is, it would come again: it is named, not retried)
+        traceback.print_exc()
+        error = internal_error(order.job_id, f"{type(e).__name__}: {e}")
+        sink.send("failed", code=error.code, detail=error.detail)
     else:
         if end.stop_reason is None:
             sink.send("handed-on")
@@ -130,9 +137,9 @@ def _run(mesh: TriangleMesh, spec: JobSpec, sink: PipeSink, told: list[Stop]) ->
 
 def _limit_memory(limit: int) -> None:
     _, hard = resource.getrlimit(resource.RLIMIT_AS)
-    resource.setrlimit(
-        resource.RLIMIT_AS, (limit if hard == resource.RLIM_INFINITY else min(limit, hard), hard)
-    )
+    if hard != resource.RLIM_INFINITY:
+        limit = hard if limit == resource.RLIM_INFINITY else min(limit, hard)
+    resource.setrlimit(resource.RLIMIT_AS, (limit, hard))
 
 
 def _leave_when_abandoned() -> None:
@@ -163,7 +170,11 @@ def main() -> None:
             return
         line += byte
     threading.Thread(target=_leave_when_abandoned, daemon=True).start()
-    work(Order.parse(line), pipe, told)
+    try:
+        work(Order.parse(line), pipe, told)
+    except BaseException:  # noqa: BLE001 (nobody is there to catch it, and the usual end would take its time)
+        traceback.print_exc()
+        os._exit(1)
     os._exit(0)  # all is written and flushed; tearing the interpreter down would keep the job waiting
 
 

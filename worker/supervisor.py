@@ -9,6 +9,7 @@ from __future__ import annotations
 import logging
 import subprocess
 import time
+import uuid
 from collections.abc import Callable
 from dataclasses import replace
 from enum import Enum
@@ -17,8 +18,8 @@ from typing import Any, Final, TypeVar
 from spherify.jobs.codec import load_outcome, load_progress
 from spherify.jobs.errors import JobsError, StorageFullError, StoreUnavailableError
 from spherify.jobs.model import JobError, JobStatus, Outcome, Progress
-from spherify.jobs.outcome import DEADLINE_ADVICE
-from spherify.jobs.ports import BlobStore, ClaimOutcome, JobQueue, JobStore, Renewal
+from spherify.jobs.outcome import DEADLINE_ADVICE, internal_error
+from spherify.jobs.ports import BlobStore, Claim, ClaimOutcome, JobQueue, JobStore, Renewal
 from spherify.jobs.results import Result, publish_result, read_result, write_result
 from spherify.jobs.settle import settle
 from spherify.settings import Settings
@@ -31,6 +32,7 @@ FENCE_SHARE: Final = (
     0.8  # of the lease: a worker that cannot renew for this long gives up before others may begin
 )
 COMMIT_S: Final = 15.0  # how long the end of a job is offered to a server that does not answer
+_LEAST_S: Final = 3.0  # time for an attempt at a job whose limit is over, in which the runner tells so
 _TICK_S: Final = 0.25
 T = TypeVar("T")
 log = logging.getLogger(__name__)
@@ -79,22 +81,27 @@ class Supervisor:
             StoreUnavailableError: it could not even be claimed; the reconciler will send it again.
 
         """
-        claim = self.jobs.claim(job_id, worker)
+        claimant = uuid.uuid4().hex  # an answer that is lost on the way is given again
+        claim = insist(lambda: self.jobs.claim(job_id, worker, claimant))
         if claim.outcome is not ClaimOutcome.CLAIMED:
             _say(logging.INFO, job_id, "drop", f"dropped: {claim.outcome}")
             return
-        _Attempt(self, job_id, claim.token, keep_delivery).go()
+        _Attempt(self, job_id, claim, keep_delivery).go()
 
 
 class _Attempt:
     """A claimed job, from the claim to the end of the record."""
 
-    def __init__(self, boss: Supervisor, job_id: str, token: int, keep_delivery: Callable[[], None]) -> None:
+    def __init__(
+        self, boss: Supervisor, job_id: str, claim: Claim, keep_delivery: Callable[[], None]
+    ) -> None:
         self._boss = boss
         self._jobs = boss.jobs
         self._settings = boss.settings
         self._job_id = job_id
-        self._token = token
+        self._token = token = claim.token
+        self._spent_s = claim.spent_s
+        self._limit_s = max(boss.settings.wall_limit_s - claim.spent_s, _LEAST_S)
         self._keep_delivery = keep_delivery
         self._outbox = Outbox(boss.jobs, job_id, token)
         now = time.monotonic()
@@ -121,7 +128,7 @@ class _Attempt:
                     token=self._token,
                     data_dir=str(self._settings.data_dir / "blobs"),
                     memory_bytes=self._settings.runner_memory_bytes,
-                    deadline_s=self._settings.wall_limit_s,
+                    deadline_s=self._limit_s,
                     checkpoint_s=self._settings.checkpoint_s,
                 )
             )
@@ -187,7 +194,7 @@ class _Attempt:
         grace = self._settings.cancel_grace_s
         if self._boss.stopping():
             self._tell(Verdict.STOPPED, now)
-        overdue = now - self._began > self._settings.wall_limit_s + grace  # it looks at its limit itself
+        overdue = now - self._began > self._limit_s + grace  # it looks at its limit itself
         deaf = self._told is not None and now - self._told_at > grace
         if overdue or deaf:
             if not self._killed:
@@ -215,12 +222,12 @@ class _Attempt:
             self._hand_on()  # if it is, because nobody could take it: the server was away for all
         elif verdict is Verdict.STOPPED:
             self._hand_on()
-        elif verdict is Verdict.DIED:
+        elif verdict is Verdict.DIED and exit_code < 0:
             self._lose(exit_code)
         else:
-            self._commit_new(*self._end(verdict))
+            self._commit_new(*self._end(verdict, exit_code))
 
-    def _end(self, verdict: Verdict) -> tuple[Outcome, Progress | None]:
+    def _end(self, verdict: Verdict, exit_code: int) -> tuple[Outcome, Progress | None]:
         """Return the end as the runner told it, or as it must be told for it."""
         told = self._last if verdict is Verdict.ENDED else None
         if told is not None and told["event"] == "end":
@@ -229,6 +236,9 @@ class _Attempt:
             return outcome, load_progress(told["progress"])
         if told is not None:
             error = JobError(told["code"], told["detail"])
+            return Outcome(JobStatus.FAILED, best_iteration=self._outbox.best, error=error), None
+        if verdict is Verdict.DIED:  # by itself, and not by a signal: it would again
+            error = internal_error(self._job_id, f"the runner ended with exit code {exit_code}")
             return Outcome(JobStatus.FAILED, best_iteration=self._outbox.best, error=error), None
         if verdict is Verdict.OVERDUE:
             limit = self._settings.wall_limit_s
@@ -249,7 +259,18 @@ class _Attempt:
             outcome = Outcome(
                 JobStatus.CANCELLED, stop_reason="cancelled", best_iteration=outcome.best_iteration
             )
-        mine = Result(self._job_id, self._token, outcome, progress, self._outbox.snapshots, self._outbox.rows)
+        job = self._insist(lambda: self._jobs.get(self._job_id))
+        mine = Result(
+            self._job_id,
+            self._token,
+            outcome,
+            progress,
+            self._outbox.snapshots,
+            self._outbox.rows,
+            started_at=None if job is None else job.started_at,
+            attempt=0 if job is None else job.attempt,
+            losses=0 if job is None else job.losses,
+        )
         try:
             result = write_result(self._boss.blobs, mine)
         except StorageFullError as e:  # the record alone must say it
@@ -295,19 +316,31 @@ class _Attempt:
 
     def _insist(self, write: Callable[[], T]) -> T | None:
         """Write to the record, for a while even if the server does not answer; None if it never did."""
-        till = time.monotonic() + COMMIT_S
-        while True:
-            try:
-                self._outbox.flush()
-                return write()
-            except StoreUnavailableError as e:
-                if time.monotonic() > till:
-                    self._say(logging.ERROR, "give-up", f"the job store does not answer: {e}")
-                    return None
-                time.sleep(_TICK_S)
+
+        def flush_and_write() -> T:
+            self._outbox.flush()
+            return write()
+
+        try:
+            return insist(flush_and_write)
+        except StoreUnavailableError as e:
+            self._say(logging.ERROR, "give-up", f"the job store does not answer: {e}")
+            return None
 
     def _say(self, level: int, action: str, sentence: str) -> None:
         _say(level, self._job_id, action, sentence)
+
+
+def insist(call: Callable[[], T]) -> T:
+    """Call for a while until the server answers; raises its last `StoreUnavailableError`."""
+    till = time.monotonic() + COMMIT_S
+    while True:
+        try:
+            return call()
+        except StoreUnavailableError:
+            if time.monotonic() > till:
+                raise
+            time.sleep(_TICK_S)
 
 
 def _say(level: int, job_id: str, action: str, sentence: str) -> None:

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import logging
+from contextlib import suppress
 
-from spherify.jobs.errors import StorageFullError
-from spherify.jobs.ports import BlobStore, CancelOutcome, JobStore
+from spherify.jobs import layout
+from spherify.jobs.errors import BlobExistsError, StorageFullError
+from spherify.jobs.ports import BlobStore, CancelOutcome, ClaimOutcome, JobStore
+from spherify.jobs.results import publish_result, read_result
 from spherify.jobs.settle import settle
 
 log = logging.getLogger(__name__)
@@ -15,15 +18,23 @@ def cancel(jobs: JobStore, blobs: BlobStore, job_id: str) -> CancelOutcome:
     """Ask for the end of a job; the snapshots kept so far stay.
 
     A job that was waiting leaves a ``result.json``, so that it stays cancelled even if its record is lost. A
-    running one stops within two seconds; its worker writes that file.
+    running one stops within two seconds; its worker writes that file, and until then ``cancel.json`` stands for it.
+    Where that file is there already, it counts: an attempt ended the job and did not live to tell the record.
     """
+    result = read_result(blobs, job_id)
+    if result is not None:
+        claim = jobs.claim(job_id, "cancel")
+        if claim.outcome is ClaimOutcome.CLAIMED:
+            publish_result(jobs, claim.token, result)
+        return jobs.request_cancel(job_id) if jobs.get(job_id).status.done else CancelOutcome.FINISHED
     outcome = jobs.request_cancel(job_id)
-    if outcome is CancelOutcome.CANCELLED:
-        try:
+    try:
+        if outcome is CancelOutcome.CANCELLED:
             settle(jobs, blobs, job_id)
-        except StorageFullError:
-            log.warning(
-                "cancelled, but not written: the reconciler will",
-                extra={"job_id": job_id, "action": "cancel"},
-            )
+        elif outcome is CancelOutcome.CANCELLING:
+            with suppress(BlobExistsError):  # asked before
+                blobs.create(layout.cancel(job_id), b"")
+    except StorageFullError:
+        extra = {"job_id": job_id, "action": "cancel"}
+        log.warning("cancelled, but not written: the reconciler or the worker will", extra=extra)
     return outcome

@@ -1,14 +1,25 @@
-"""Delete jobs and meshes: the record first, so that nothing points at a file that is gone."""
+"""Delete jobs and meshes: the record before its files, so that nothing points at a file that is gone.
+
+What says that something was deleted is durable before anything else happens: a tombstone for a job, and for a mesh
+the absence of its ``record.json``. So a deletion that was acknowledged outlives the server's memory.
+"""
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 from spherify.jobs import layout
+from spherify.jobs.errors import BlobExistsError, JobNotFinishedError
 from spherify.jobs.ports import BlobStore, JobStore, MeshStore
 from spherify.jobs.settle import remove_folder, settle
 
 
 def delete_job(jobs: JobStore, blobs: BlobStore, job_id: str) -> None:
     """Forget a finished job and remove its files; raises as `JobStore.delete` does."""
+    if not jobs.get(job_id).status.done:
+        raise JobNotFinishedError(f"{job_id} is not finished: cancel it first")
+    with suppress(BlobExistsError):  # of an attempt that was broken off
+        blobs.create(layout.tombstone(job_id), b"")
     jobs.delete(job_id)
     settle(jobs, blobs, job_id)
 
@@ -16,4 +27,5 @@ def delete_job(jobs: JobStore, blobs: BlobStore, job_id: str) -> None:
 def delete_mesh(meshes: MeshStore, blobs: BlobStore, mesh_id: str) -> None:
     """Forget a mesh no job names and remove its files; raises as `MeshStore.delete` does."""
     meshes.delete(mesh_id)
+    blobs.delete(layout.mesh_record(mesh_id))  # without it nothing brings the mesh back
     remove_folder(blobs, layout.mesh_folder(mesh_id))

@@ -2,14 +2,21 @@
 
     meshes/{mesh}/original.{ext}  mesh.npz  record.json
     jobs/{job}/spec.json                                   before the record
+               withdrawn.json                              the record could not be written, and nobody was told of a job
+               cancel.json                                 before a running job is told to stop
                snapshots/{token}-{iteration}.npz           before the snapshot is known; public
                checkpoints/{token}-{iteration}.npz         between snapshots; swept at the end
                result.json                                 before the end is known; the first one wins
+    tombstones/{job}                                       before the record of a deleted job is removed; 30 days
 
-Tokens and iterations are padded with zeros, so that names sort as numbers do.
+Tokens and iterations are padded with zeros, for people; programs compare `numbers`, for they may grow beyond that.
 """
 
 from __future__ import annotations
+
+from typing import Final
+
+TOMBSTONE_S: Final = 30 * 24 * 3600  # so long it is known that a job was deleted
 
 
 def mesh_folder(mesh_id: str) -> str:
@@ -32,6 +39,26 @@ def mesh_record(mesh_id: str) -> str:
     return f"meshes/{mesh_id}/record.json"
 
 
+def meshes() -> str:
+    """Return the prefix of all meshes."""
+    return "meshes/"
+
+
+def jobs() -> str:
+    """Return the prefix of all jobs."""
+    return "jobs/"
+
+
+def tombstones() -> str:
+    """Return the prefix of the marks of deleted jobs."""
+    return "tombstones/"
+
+
+def tombstone(job_id: str) -> str:
+    """Return the key that says that a job was deleted."""
+    return f"tombstones/{job_id}"
+
+
 def job_folder(job_id: str) -> str:
     """Return the prefix of everything of a job."""
     return f"jobs/{job_id}/"
@@ -40,6 +67,16 @@ def job_folder(job_id: str) -> str:
 def spec(job_id: str) -> str:
     """Return the key of what was asked."""
     return f"jobs/{job_id}/spec.json"
+
+
+def withdrawn(job_id: str) -> str:
+    """Return the key that says that a spec never became a job."""
+    return f"jobs/{job_id}/withdrawn.json"
+
+
+def cancel(job_id: str) -> str:
+    """Return the key that says that a running job was to be cancelled."""
+    return f"jobs/{job_id}/cancel.json"
 
 
 def result(job_id: str) -> str:

@@ -9,6 +9,14 @@ from spherify.jobs.run import RunEnd
 DEADLINE_ADVICE = "the last state is kept as the result; ask for fewer iterations or a smaller mesh"
 
 
+def internal_error(job_id: str, what: str) -> JobError:
+    """Return the error of a job that failed by a fault of ours."""
+    detail = (
+        f"a fault of the service: {what}; the worker's log has the trace under {job_id}. Please report it"
+    )
+    return JobError("internal-error", detail)
+
+
 def outcome_of(end: RunEnd) -> Outcome:
     """Return how a job ends whose run ended so.
 

@@ -7,7 +7,7 @@ raise `StoreUnavailableError`; nothing waits longer than the adapter's timeouts.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
 from typing import BinaryIO, Generic, Protocol, TypeVar
@@ -61,6 +61,10 @@ class BlobStore(Protocol):
         """Remove one blob; whether it was there."""
         ...
 
+    def folders(self, prefix: str) -> Iterator[str]:
+        """Yield the names of what looks like folders directly below a prefix, sorted."""
+        ...
+
 
 class ClaimOutcome(StrEnum):
     """What a worker is told when it asks for a job."""
@@ -73,10 +77,17 @@ class ClaimOutcome(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """Answer to a claim; ``token`` fences every later write and is 0 unless CLAIMED."""
+    """Answer to a claim.
+
+    Attributes:
+        token: fences every later write; 0 unless CLAIMED.
+        spent_s: how long earlier attempts held the job, by the server's clock.
+
+    """
 
     outcome: ClaimOutcome
     token: int = 0
+    spent_s: float = field(default=0.0, compare=False)
 
 
 class Renewal(StrEnum):
@@ -154,8 +165,11 @@ class JobStore(Protocol):
 
     # What a worker calls; each is refused (False, FENCED) when the token is not the present one.
 
-    def claim(self, job_id: str, worker: str) -> Claim:
-        """Take the lease and the next fencing token."""
+    def claim(self, job_id: str, worker: str, claimant: str = "") -> Claim:
+        """Take the lease and the next fencing token; the same ones again for a claimant who did not hear the answer.
+
+        A claimant is one try at one delivery; an empty one is nobody twice.
+        """
         ...
 
     def renew(self, job_id: str, token: int) -> Renewal:
@@ -215,7 +229,34 @@ class JobStore(Protocol):
         ...
 
     def ping(self) -> None:
-        """Raise `StoreUnavailableError` unless the server answers."""
+        """Raise `StoreUnavailableError` unless the server answers, and the records are all there."""
+        ...
+
+    # What `spherify.jobs.rebuild` calls. A server that lost its records knows that it did: until they are back,
+    # "there is no such job" is never said; `StoreUnavailableError` is.
+
+    def complete(self) -> bool:
+        """Whether the records are all there, as far as the server knows."""
+        ...
+
+    def begin_rebuild(self) -> str:
+        """Return the name of the rebuild that is under way, a new one if none is."""
+        ...
+
+    def end_rebuild(self, name: str) -> bool:
+        """Declare the records complete; False if they were lost once more since that rebuild began."""
+        ...
+
+    def unknown(self, job_ids: Sequence[str]) -> list[str]:
+        """Return those of which there is neither a record nor a tombstone."""
+        ...
+
+    def restore(self, job: Job, rows: Sequence[Mapping[str, float | int]]) -> bool:
+        """Record a job again; token and revision begin beyond all earlier ones. False if it is known, or deleted."""
+        ...
+
+    def bury(self, job_id: str, seconds: float) -> None:
+        """Leave the tombstone of a job that was deleted, for so long."""
         ...
 
 
@@ -236,6 +277,10 @@ class MeshStore(Protocol):
 
     def delete(self, mesh_id: str) -> None:
         """Forget a mesh; raises `MeshInUseError` while any job names it, `MeshNotFoundError`."""
+        ...
+
+    def unknown(self, mesh_ids: Sequence[str]) -> list[str]:
+        """Return those of which there is no record."""
         ...
 
 

@@ -1,7 +1,8 @@
-"""Find again what was lost: dead leases, messages that vanished, files nobody finished.
+"""Find again what was lost: records, dead leases, messages that vanished, files nobody finished.
 
-Runs in every worker, of which one at a time leads. It needs the records and the queue only, not
-a working consumer.
+Runs in every process that may, the API's and the workers', of which one at a time leads. It needs the records, the
+files and the queue only, not a working consumer. A scan does a bounded amount of work, but for a rebuild after a loss
+of everything; and what goes wrong with one job, or in one part of it, is not in the way of the others.
 """
 
 from __future__ import annotations
@@ -14,8 +15,9 @@ from pathlib import Path
 from typing import Final
 
 from spherify.jobs.errors import JobNotFoundError, StorageFullError, StoreUnavailableError
+from spherify.jobs.inventory import Inventory
 from spherify.jobs.orphans import Orphans
-from spherify.jobs.ports import BlobStore, JobQueue, JobStore
+from spherify.jobs.rebuild import Stock, rebuild
 from spherify.jobs.settle import settle
 
 SCRATCH_S: Final = 24 * 3600.0  # longer than any upload
@@ -33,59 +35,89 @@ class Scan:
         lost: sent again because their lease ran out.
         orphans: sent again because no queue held them.
         settled: ended or deleted by somebody who did not bring their files to their last state.
-        swept: how many unfinished files were removed.
+        restored: jobs and meshes whose records were missing while others were there.
+        swept: unfinished files that were removed.
 
     """
 
     lost: tuple[str, ...]
     orphans: tuple[str, ...]
     settled: tuple[str, ...]
-    swept: int
+    restored: tuple[str, ...]
+    swept: tuple[str, ...]
 
 
 class Reconciler:
-    """Scans, remembering from one to the next which waiting jobs were missing in the queue."""
+    """Scans, remembering from one to the next what was missing."""
 
-    def __init__(self, jobs: JobStore, queue: JobQueue, blobs: BlobStore, *, orphan_s: float) -> None:
-        self._jobs = jobs
-        self._queue = queue
-        self._blobs = blobs
-        self._orphans = Orphans(jobs, queue, orphan_s=orphan_s)
+    def __init__(self, stock: Stock, *, orphan_s: float) -> None:
+        self._stock = stock
+        self._orphans = Orphans(stock.jobs, stock.queue, orphan_s=orphan_s)
+        self._inventory = Inventory(stock)
         self._settled_to = ""
         self._swept_at = float("-inf")
 
-    def scan(self) -> Scan:
-        """Look once; raises `StoreUnavailableError`, after which the next scan makes up for it."""
-        lost = self._jobs.lost(_LOST)
+    def scan(self, still: Callable[[], object] = lambda: None) -> Scan:
+        """Look once; raises `StoreUnavailableError`, after which the next scan makes up for it.
+
+        Args:
+            still: called again and again while a rebuild takes its time.
+
+        """
+        rebuild(self._stock, still)
+        return Scan(
+            lost=_part("lost", self._send_lost),
+            orphans=_part("orphan", self._send_orphans),
+            settled=_part("settle", self._settle),
+            restored=_part("inventory", self._inventory.look),
+            swept=_part("sweep", self._sweep),
+        )
+
+    def _send_lost(self) -> tuple[str, ...]:
+        lost = tuple(self._stock.jobs.lost(_LOST))
         for job_id in lost:
             log.warning("its lease ran out: sent again", extra={"job_id": job_id, "action": "reconcile-lost"})
-            self._queue.send(job_id)
+            self._stock.queue.send(job_id)
+        return lost
+
+    def _send_orphans(self) -> tuple[str, ...]:
         orphans = self._orphans.look()
         for job_id in orphans:
             log.warning(
                 "waiting, and in no queue: sent again", extra={"job_id": job_id, "action": "reconcile-orphan"}
             )
-            self._queue.send(job_id)
-        return Scan(tuple(lost), orphans, self._settle(), self._sweep())
+            self._stock.queue.send(job_id)
+        return orphans
 
     def _settle(self) -> tuple[str, ...]:
         """Settle the next jobs in order of their ids; after the last one it begins anew."""
-        ids = self._jobs.unsettled(_SETTLED, after=self._settled_to)
+        ids = self._stock.jobs.unsettled(_SETTLED, after=self._settled_to)
         self._settled_to = ids[-1] if len(ids) == _SETTLED else ""
         return tuple(job_id for job_id in ids if _tried(job_id, "settle", self._settle_one))
 
     def _settle_one(self, job_id: str) -> None:
-        settle(self._jobs, self._blobs, job_id)
+        settle(self._stock.jobs, self._stock.blobs, job_id)
         log.info(
             "ended or deleted: its files are settled", extra={"job_id": job_id, "action": "reconcile-settle"}
         )
 
-    def _sweep(self) -> int:
+    def _sweep(self) -> tuple[str, ...]:
         now = time.monotonic()
         if now - self._swept_at < _SWEEP_S:
-            return 0
+            return ()
         self._swept_at = now
-        return sweep_scratch(self._blobs.scratch().iterdir(), SCRATCH_S)
+        return sweep_scratch(self._stock.blobs.scratch().iterdir(), SCRATCH_S)
+
+
+def _part(action: str, do: Callable[[], tuple[str, ...]]) -> tuple[str, ...]:
+    """Do one part of a scan; its trouble is logged, and is not the others'."""
+    try:
+        return do()
+    except StoreUnavailableError:  # everybody's trouble
+        raise
+    except Exception:  # whatever it is, the other parts are not to wait for it; the trace goes to the log
+        log.exception("a part of the scan failed", extra={"action": f"reconcile-{action}"})
+        return ()
 
 
 def _tried(name: str, action: str, do: Callable[[str], None]) -> bool:
@@ -104,15 +136,15 @@ def _tried(name: str, action: str, do: Callable[[str], None]) -> bool:
     return True
 
 
-def sweep_scratch(files: Iterable[Path], older_than_s: float) -> int:
-    """Remove unfinished files that nothing has written to for that long; returns how many."""
+def sweep_scratch(files: Iterable[Path], older_than_s: float) -> tuple[str, ...]:
+    """Remove unfinished files that nothing has written to for that long; returns their names."""
     old = time.time() - older_than_s
-    swept = 0
+    swept = []
     for path in files:
         try:
             if path.stat().st_mtime < old:
                 path.unlink()
-                swept += 1
+                swept.append(path.name)
         except FileNotFoundError:
             continue  # somebody was quicker
-    return swept
+    return tuple(swept)

@@ -27,6 +27,9 @@ class Result:
         progress: None if it never got that far.
         snapshots: ascending by iteration.
         rows: the time series, ascending by iteration.
+        started_at: when its first attempt began, seconds since the epoch.
+        attempt: how many there were.
+        losses: how many of them lost their worker.
 
     """
 
@@ -36,6 +39,9 @@ class Result:
     progress: Progress | None = None
     snapshots: Sequence[Snapshot] = ()
     rows: Sequence[Row] = ()
+    started_at: float | None = None
+    attempt: int = 0
+    losses: int = 0
 
 
 def write_result(blobs: BlobStore, result: Result) -> Result:
@@ -47,6 +53,9 @@ def write_result(blobs: BlobStore, result: Result) -> Result:
         "progress": None if result.progress is None else asdict(result.progress),
         "snapshots": [asdict(snapshot) for snapshot in result.snapshots],
         "metrics": list(result.rows),
+        "started_at": result.started_at,
+        "attempt": result.attempt,
+        "losses": result.losses,
     }
     try:
         blobs.create(layout.result(result.job_id), dumps(document).encode())
@@ -84,4 +93,7 @@ def _parsed(data: dict[str, Any]) -> Result:
         progress=None if data["progress"] is None else load_progress(data["progress"]),
         snapshots=tuple(map(load_snapshot, data["snapshots"])),
         rows=tuple(data["metrics"]),
+        started_at=data.get("started_at"),  # the three are younger than the rest
+        attempt=data.get("attempt", 0),
+        losses=data.get("losses", 0),
     )

@@ -49,4 +49,14 @@ def _result_of(job: Job, rows: list[Row]) -> Result:
         best_iteration=job.best_iteration,
         error=job.error,
     )
-    return Result(job.id, job.token, outcome, job.progress, job.snapshots, rows)
+    return Result(
+        job.id,
+        job.token,
+        outcome,
+        job.progress,
+        job.snapshots,
+        rows,
+        started_at=job.started_at,
+        attempt=job.attempt,
+        losses=job.losses,
+    )

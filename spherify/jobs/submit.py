@@ -6,7 +6,7 @@ import logging
 
 from spherify.jobs import layout
 from spherify.jobs.codec import dump_record
-from spherify.jobs.errors import BlobExistsError, MeshNotFoundError, StoreUnavailableError
+from spherify.jobs.errors import BlobExistsError, MeshNotFoundError, StorageFullError, StoreUnavailableError
 from spherify.jobs.model import Job, JobSpec
 from spherify.jobs.ports import BlobStore, JobQueue, JobStore
 
@@ -21,15 +21,22 @@ def submit(jobs: JobStore, blobs: BlobStore, queue: JobQueue, spec: JobSpec) -> 
     Raises:
         StorageFullError: nothing was recorded.
         MeshNotFoundError: its mesh is not there, or no longer; nothing was recorded.
-        StoreUnavailableError: the record was, perhaps, not written; submit the same spec again.
+        StoreUnavailableError: the record was, perhaps, not written; submit the same spec again. If it was not, the
+            job is withdrawn: nothing brings it back later, when nobody expects it any more.
 
     """
     try:
         blobs.create(layout.spec(spec.id), dump_record(spec).encode())
     except BlobExistsError:
         log.info("spec is written already", extra={"job_id": spec.id, "action": "submit"})
+        if not jobs.complete():  # the record may be among those that are coming back
+            raise StoreUnavailableError("the job records are being rebuilt from the files") from None
+        blobs.delete(layout.withdrawn(spec.id))
     try:
         job = jobs.add(spec)
+    except StoreUnavailableError:
+        _withdraw(blobs, spec.id)
+        raise
     except MeshNotFoundError:
         blobs.delete(layout.spec(spec.id))
         raise
@@ -40,3 +47,11 @@ def submit(jobs: JobStore, blobs: BlobStore, queue: JobQueue, spec: JobSpec) -> 
             "recorded, but not sent: the reconciler will", extra={"job_id": spec.id, "action": "submit"}
         )
     return job
+
+
+def _withdraw(blobs: BlobStore, job_id: str) -> None:
+    """Leave word that a client was told of no job."""
+    try:
+        blobs.create(layout.withdrawn(job_id), b"")
+    except (BlobExistsError, StorageFullError) as e:
+        log.warning("not withdrawn: %s", e, extra={"job_id": job_id, "action": "submit"})

@@ -109,6 +109,16 @@ class FolderBlobStore:
                 folder.rmdir()
         return True
 
+    def folders(self, prefix: str) -> Iterator[str]:
+        """Yield the names of the folders directly below a prefix, sorted."""
+        folder = self._path(prefix.rstrip("/"))
+        try:
+            with os.scandir(folder) as entries:
+                names = [entry.name for entry in entries if entry.is_dir()]
+        except FileNotFoundError:
+            return
+        yield from sorted(names)
+
     def _path(self, key: str) -> Path:
         if not KEY.fullmatch(key):
             raise ValueError(f"{key!r} is no blob key")

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import redis
 
+from spherify.jobs.rebuild import Stock
 from spherify.settings import Settings
 from spherify.stores.blobs import FolderBlobStore
 from spherify.stores.client import connect
@@ -25,6 +26,11 @@ class Stores:
     queue: CeleryJobQueue
     repeats: RedisRepeatStore
     client: redis.Redis
+
+    @property
+    def stock(self) -> Stock:
+        """What the reconciler looks through."""
+        return Stock(self.jobs, self.meshes, self.blobs, self.queue)
 
     def close(self) -> None:
         """Close the connections; a later use opens new ones."""

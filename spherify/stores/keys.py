@@ -35,6 +35,12 @@ BY_MESH: Final = PREFIX + "jobs:mesh:"
 MESHES: Final = PREFIX + "meshes"
 """Sorted set: mesh id → seconds of creation. One entry a mesh."""
 
+EPOCH: Final = PREFIX + "epoch"
+"""Name of the rebuild after which all records were there. Missing: they were lost with the server, or it is new."""
+
+REBUILD: Final = PREFIX + "rebuild"
+"""Name of the rebuild under way; gone with the records, so that a second loss within it is noticed."""
+
 LEADER: Final = PREFIX + "leader"
 """Name of the process that reconciles; lives three scans unless renewed."""
 

@@ -12,7 +12,6 @@ from spherify.jobs.errors import (
     JobGoneError,
     JobNotFinishedError,
     JobNotFoundError,
-    MeshInUseError,
     MeshNotFoundError,
 )
 from spherify.jobs.ids import is_job_id
@@ -28,7 +27,6 @@ from spherify.jobs.model import (
     Snapshot,
 )
 from spherify.jobs.ports import CancelOutcome, Claim, ClaimOutcome, Page, Renewal, Revision
-from spherify.stores.redis_meshes import mesh_cursor
 
 _AT_WORK = (JobStatus.RUNNING, JobStatus.CANCELLING)
 
@@ -40,6 +38,9 @@ class _Entry:
     rows: dict[float, dict[str, float | int]] = field(default_factory=dict)
     committed: tuple[int, Outcome] | None = None
     sealed: bool = False
+    claimant: str = ""
+    claimed_at: float | None = None
+    spent_s: float = 0.0
 
 
 class MemoryJobStore:
@@ -52,6 +53,7 @@ class MemoryJobStore:
         self._gone: set[str] = set()
         self._unsettled: set[str] = set()
         self.meshes: dict[str, MeshRecord] = {}
+        self._complete = True
         self._lock = threading.RLock()
         self._lease_s = lease_s
         self._max_losses = max_losses
@@ -143,13 +145,16 @@ class MemoryJobStore:
                 JobStatus.CANCELLING: CancelOutcome.CANCELLING,
             }.get(entry.job.status, CancelOutcome.FINISHED)
 
-    def claim(self, job_id: str, worker: str) -> Claim:
-        """Take the lease and the next fencing token."""
+    def claim(self, job_id: str, worker: str, claimant: str = "") -> Claim:
+        """Take the lease and the next fencing token; the same ones again for a claimant who did not hear the answer."""
         with self._lock:
             entry = self._entries.get(job_id)
             if entry is None or entry.job.status.done:
                 return Claim(ClaimOutcome.DONE)
             if entry.job.status in _AT_WORK:
+                if self._leased(entry) and claimant and entry.claimant == claimant:
+                    entry.job = replace(entry.job, lease_until=self._clock() + self._lease_s)
+                    return Claim(ClaimOutcome.CLAIMED, entry.job.token, entry.spent_s)
                 if self._leased(entry):
                     return Claim(ClaimOutcome.LEASED)
                 after = self._lose(entry)
@@ -165,7 +170,8 @@ class MemoryJobStore:
                 started_at=job.started_at or self._clock(),
                 lease_until=self._clock() + self._lease_s,
             )
-            return Claim(ClaimOutcome.CLAIMED, job.token + 1)
+            entry.claimant, entry.claimed_at = claimant, self._clock()
+            return Claim(ClaimOutcome.CLAIMED, job.token + 1, entry.spent_s)
 
     def renew(self, job_id: str, token: int) -> Renewal:
         """Extend the lease, and learn whether to go on."""
@@ -299,6 +305,49 @@ class MemoryJobStore:
     def ping(self) -> None:
         """Return: memory always answers."""
 
+    def complete(self) -> bool:
+        """Whether the records are all there."""
+        return self._complete
+
+    def begin_rebuild(self) -> str:
+        """Return the name of the rebuild."""
+        return "rebuild"
+
+    def end_rebuild(self, name: str) -> bool:
+        """Declare the records complete."""
+        self._complete = name == "rebuild"
+        return self._complete
+
+    def unknown(self, job_ids: Sequence[str]) -> list[str]:
+        """Return those of which there is neither a record nor a tombstone."""
+        with self._lock:
+            return [i for i in job_ids if i not in self._entries and i not in self._gone]
+
+    def restore(self, job: Job, rows: Sequence[Mapping[str, float | int]]) -> bool:
+        """Record a job again; token and revision begin beyond all earlier ones. False if it is known, or deleted."""
+        with self._lock:
+            if not self.unknown([job.id]):
+                return False
+            fresh = max(round(self._clock() * 1000), job.token + 1)
+            entry = _Entry(replace(job, token=fresh, rev=fresh), job.spec.created_at)
+            entry.rows.update({row["iteration"]: dict(row) for row in rows})
+            self._entries[job.id] = entry
+            if job.status.done:
+                self._unsettled.add(job.id)
+            return True
+
+    def bury(self, job_id: str, seconds: float) -> None:
+        """Leave the tombstone of a job that was deleted; here for good."""
+        if seconds > 0:
+            self._gone.add(job_id)
+
+    def lose_everything(self) -> None:
+        """Do what happens to a server whose data are gone."""
+        with self._lock:
+            for part in (self._entries, self._gone, self._unsettled, self.meshes):
+                part.clear()
+            self._complete = False
+
     def _held(self, job_id: str, token: int) -> _Entry | None:
         entry = self._entries.get(job_id)
         at_work = entry is not None and entry.job.status in _AT_WORK and entry.job.token == token
@@ -327,60 +376,7 @@ class MemoryJobStore:
         if to not in _AT_WORK:
             changes.update(lease_until=None, worker=None)
             entry.sealed = False
+            if entry.claimed_at is not None:
+                entry.spent_s += self._clock() - entry.claimed_at
+                entry.claimed_at = None
         entry.job = replace(entry.job, status=to, rev=entry.job.rev + 1, **changes)  # type: ignore[arg-type] # fields of Job, checked by replace
-
-
-class MemoryMeshStore:
-    """Mesh records in a dictionary that the jobs know too; asks the jobs which meshes are in use."""
-
-    def __init__(self, jobs: MemoryJobStore) -> None:
-        self._records = jobs.meshes
-        self._jobs = jobs
-
-    def add(self, record: MeshRecord) -> bool:
-        """Record a mesh whose files are durable; False if it was known already (nothing changes)."""
-        return self._records.setdefault(record.id, record) is record
-
-    def get(self, mesh_id: str) -> MeshRecord:
-        """Return one record; raises `MeshNotFoundError`."""
-        if mesh_id not in self._records:
-            raise MeshNotFoundError(f"there is no mesh {mesh_id}")
-        return self._records[mesh_id]
-
-    def find(self, *, limit: int = 50, cursor: str | None = None) -> Page[MeshRecord]:
-        """Return a page of meshes, newest first; raises `InvalidCursorError`."""
-        before = mesh_cursor(cursor)
-        newest = sorted(self._records.values(), key=lambda r: (r.created_at, r.id), reverse=True)
-        found = [record for record in newest if (record.created_at, record.id) < before]
-        last = found[limit - 1] if len(found) > limit else None
-        return Page(tuple(found[:limit]), None if last is None else f"{last.created_at!r}~{last.id}")
-
-    def delete(self, mesh_id: str) -> None:
-        """Forget a mesh; raises `MeshInUseError` while any job names it, `MeshNotFoundError`."""
-        self.get(mesh_id)
-        if self._jobs.find(mesh_id=mesh_id, limit=1).items:
-            raise MeshInUseError(f"a job names the mesh {mesh_id}: delete the job first")
-        del self._records[mesh_id]
-
-
-class MemoryJobQueue:
-    """A list of ids; `take` is what a worker would do."""
-
-    def __init__(self) -> None:
-        self._waiting: list[str] = []
-
-    def send(self, job_id: str) -> None:
-        """Send one id."""
-        self._waiting.append(job_id)
-
-    def take(self) -> str:
-        """Deliver the oldest id; raises `IndexError` when there is none."""
-        return self._waiting.pop(0)
-
-    def pending(self, start: int = 0, count: int = 1000) -> list[str]:
-        """Return ids in the queue, newest first, `count` at most from a place on."""
-        return self._waiting[::-1][start : start + count]
-
-    def length(self) -> int:
-        """Return how many messages wait to be delivered."""
-        return len(self._waiting)

@@ -71,6 +71,12 @@ class MemoryBlobStore:
         _check(key)
         return self._blobs.pop(key, None) is not None
 
+    def folders(self, prefix: str) -> Iterator[str]:
+        """Yield the names of what looks like folders directly below a prefix, sorted."""
+        with self._lock:
+            below = [key.removeprefix(prefix) for key in self._blobs if key.startswith(prefix)]
+        yield from sorted({name.partition("/")[0] for name in below if "/" in name})
+
 
 def _check(key: str) -> None:
     if not KEY.fullmatch(key):

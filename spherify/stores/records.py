@@ -3,7 +3,8 @@
 Fields: spec, progress, metrics, error (JSON); status, worker, stop_reason, stop_detail (text); rev, token,
 attempt, losses, best_iteration, result_iteration (integers); queued_at, lease_until (milliseconds of the
 server's clock); started_at, finished_at (seconds); sealed (1 once a cancel comes too late);
-committed (the outcome, for a commit that is repeated).
+committed (the outcome, for a commit that is repeated); claimant (who may claim again), claimed_at and spent
+(milliseconds: since when the present attempt, and how long all earlier ones held the job).
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Mapping
 
-from spherify.jobs.codec import dump_record, load_error, load_progress, load_snapshot, load_spec
+from spherify.jobs.codec import dump_record, dumps, load_error, load_progress, load_snapshot, load_spec
 from spherify.jobs.model import Job, JobStatus, Outcome
 
 
@@ -46,6 +47,29 @@ def job_of(record: Mapping[str, str], snapshots: Iterable[str], position: int | 
         finished_at=seconds("finished_at"),
         queue_position=position,
     )
+
+
+def hash_of(job: Job) -> dict[str, str]:
+    """Return the fields of a job as `job_of` reads them, but for revision and token, which the server gives."""
+    texts = {
+        "spec": dump_record(job.spec),
+        "status": str(job.status),
+        "attempt": str(job.attempt),
+        "losses": str(job.losses),
+        "queued_at": str(round(job.spec.created_at * 1000)),
+        "metrics": dumps(job.metrics),
+    }
+    optional = {
+        "progress": None if job.progress is None else dump_record(job.progress),
+        "error": None if job.error is None else dump_record(job.error),
+        "stop_reason": job.stop_reason,
+        "stop_detail": job.stop_detail,
+        "best_iteration": job.best_iteration,
+        "result_iteration": job.result_iteration,
+        "started_at": job.started_at,
+        "finished_at": job.finished_at,
+    }
+    return texts | {name: str(value) for name, value in optional.items() if value is not None}
 
 
 def fields_of(outcome: Outcome) -> list[str | int]:

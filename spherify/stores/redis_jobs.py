@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import uuid
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
@@ -18,15 +19,16 @@ from spherify.jobs.errors import (
     MeshNotFoundError,
 )
 from spherify.jobs.ids import earliest_job_id, is_job_id
+from spherify.jobs.layout import TOMBSTONE_S
 from spherify.jobs.model import Job, JobSpec, JobStatus, Outcome, Progress, Snapshot
 from spherify.jobs.ports import CancelOutcome, Claim, ClaimOutcome, Page, Renewal, Revision
 from spherify.stores import keys
 from spherify.stores.client import Scripts, reachable
-from spherify.stores.records import fields_of, job_of
+from spherify.stores.epoch import is_complete, require_complete
+from spherify.stores.records import fields_of, hash_of, job_of
 
 log = logging.getLogger(__name__)
 
-TOMBSTONE_S: Final = 30 * 24 * 3600
 _CHUNK: Final = 200  # ids read at a time while a listing is filtered
 _ROWS_A_CALL: Final = 500  # far below the stack of Lua's unpack, and a call stays short
 
@@ -44,6 +46,7 @@ class RedisJobStore:
         """Record and queue a new job, in one transaction; again changes nothing. Raises `MeshNotFoundError`."""
         more_keys = [keys.gone(spec.id), keys.mesh(spec.mesh_id)]
         if self._run("add", spec.id, [dump_record(spec), *_indexes(spec)], more_keys=more_keys) == "no-mesh":
+            self._require_complete()
             raise MeshNotFoundError(f"there is no mesh {spec.mesh_id}")
         return self.get(spec.id)
 
@@ -54,7 +57,10 @@ class RedisJobStore:
             return job
         with reachable():
             gone = self._client.exists(keys.gone(job_id))
-        raise JobGoneError(f"{job_id} was deleted") if gone else JobNotFoundError(f"there is no job {job_id}")
+        if gone:
+            raise JobGoneError(f"{job_id} was deleted")
+        self._require_complete()
+        raise JobNotFoundError(f"there is no job {job_id}")
 
     def revisions(self, job_ids: Sequence[str]) -> list[Revision | None]:
         """Return where each of these jobs is, None where there is none, in one call however many they are."""
@@ -81,6 +87,7 @@ class RedisJobStore:
             else keys.BY_STATUS + status if status is not None
             else keys.JOBS
         )  # fmt: skip
+        self._require_complete()
         since = "-" if created_after is None else f"[{earliest_job_id(created_after)}"
         found: list[Job] = []
         for job in self._walk(index, since, "+" if cursor is None else f"({cursor}"):
@@ -116,12 +123,17 @@ class RedisJobStore:
 
     def request_cancel(self, job_id: str) -> CancelOutcome:
         """Cancel a waiting job at once, or flag a running one."""
-        return CancelOutcome(self._run("cancel", job_id, []))
+        outcome = CancelOutcome(self._run("cancel", job_id, []))
+        if outcome is CancelOutcome.UNKNOWN:
+            self._require_complete()
+        return outcome
 
-    def claim(self, job_id: str, worker: str) -> Claim:
-        """Take the lease and the next fencing token."""
-        outcome, token = self._run("claim", job_id, [worker, self._lease_ms, self._max_losses])
-        return Claim(ClaimOutcome(outcome), int(token))
+    def claim(self, job_id: str, worker: str, claimant: str = "") -> Claim:
+        """Take the lease and the next fencing token; the same ones again for a claimant who did not hear the answer."""
+        outcome, token, spent_ms = self._run(
+            "claim", job_id, [worker, self._lease_ms, self._max_losses, claimant]
+        )
+        return Claim(ClaimOutcome(outcome), int(token), int(spent_ms) / 1000)
 
     def renew(self, job_id: str, token: int) -> Renewal:
         """Extend the lease, and learn whether to go on."""
@@ -199,9 +211,50 @@ class RedisJobStore:
             return dict(zip(JobStatus, pipe.execute(), strict=True))
 
     def ping(self) -> None:
-        """Raise `StoreUnavailableError` unless the server answers."""
+        """Raise `StoreUnavailableError` unless the server answers, and the records are all there."""
+        self._require_complete()
+
+    def complete(self) -> bool:
+        """Whether the records are all there, as far as the server knows."""
+        return is_complete(self._client)
+
+    def begin_rebuild(self) -> str:
+        """Return the name of the rebuild that is under way, a new one if none is."""
+        with reachable(), self._client.pipeline(transaction=True) as pipe:
+            pipe.set(keys.REBUILD, uuid.uuid4().hex, nx=True)
+            pipe.get(keys.REBUILD)
+            return str(pipe.execute()[1])
+
+    def end_rebuild(self, name: str) -> bool:
+        """Declare the records complete; False if they were lost once more since that rebuild began."""
+        return bool(self._scripts("rebuilt", [keys.REBUILD, keys.EPOCH], [name], common=False))
+
+    def unknown(self, job_ids: Sequence[str]) -> list[str]:
+        """Return those of which there is neither a record nor a tombstone."""
+        with reachable(), self._client.pipeline(transaction=False) as pipe:
+            for job_id in job_ids:
+                pipe.exists(keys.job(job_id), keys.gone(job_id))
+            return [job_id for job_id, found in zip(job_ids, pipe.execute(), strict=True) if not found]
+
+    def restore(self, job: Job, rows: Sequence[Mapping[str, float | int]]) -> bool:
+        """Record a job again; token and revision begin beyond all earlier ones. False if it is known, or deleted."""
+        args = [
+            dumps(hash_of(job)),
+            dumps({str(row["iteration"]): dumps(dict(row)) for row in rows}),
+            dumps({str(snapshot.iteration): dump_record(snapshot) for snapshot in job.snapshots}),
+            job.token + 1,
+            *_indexes(job.spec),
+        ]
+        more_keys = [keys.gone(job.id), keys.rows(job.id), keys.snapshots(job.id)]
+        return bool(self._run("restore", job.id, args, more_keys=more_keys))
+
+    def bury(self, job_id: str, seconds: float) -> None:
+        """Leave the tombstone of a job that was deleted, for so long."""
         with reachable():
-            self._client.ping()
+            self._client.set(keys.gone(job_id), "1", ex=max(round(seconds), 1))
+
+    def _require_complete(self) -> None:
+        require_complete(self._client)
 
     def _until(self, index: str, ago_s: float, limit: int | None) -> list[str]:
         """Return the ids of an index by time whose moment was that long ago, by the server's clock."""

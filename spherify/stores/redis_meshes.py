@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Final
 
 import redis
@@ -13,6 +14,7 @@ from spherify.jobs.model import MeshRecord
 from spherify.jobs.ports import Page
 from spherify.stores import keys
 from spherify.stores.client import Scripts, reachable
+from spherify.stores.epoch import require_complete
 
 _CHUNK: Final = 200
 
@@ -36,12 +38,14 @@ class RedisMeshStore:
         with reachable():
             text = self._client.get(keys.mesh(mesh_id))
         if text is None:
+            require_complete(self._client)
             raise MeshNotFoundError(f"there is no mesh {mesh_id}")
         return load_mesh_record(str(text))
 
     def find(self, *, limit: int = 50, cursor: str | None = None) -> Page[MeshRecord]:
         """Return a page of meshes, newest first; raises `InvalidCursorError`."""
         before = mesh_cursor(cursor)
+        require_complete(self._client)
         found: list[MeshRecord] = []
         offset = 0
         while True:
@@ -68,9 +72,17 @@ class RedisMeshStore:
             common=False,
         )
         if answer == "unknown":
+            require_complete(self._client)
             raise MeshNotFoundError(f"there is no mesh {mesh_id}")
         if answer == "in-use":
             raise MeshInUseError(f"a job names the mesh {mesh_id}: delete the job first")
+
+    def unknown(self, mesh_ids: Sequence[str]) -> list[str]:
+        """Return those of which there is no record."""
+        with reachable(), self._client.pipeline(transaction=False) as pipe:
+            for mesh_id in mesh_ids:
+                pipe.exists(keys.mesh(mesh_id))
+            return [mesh_id for mesh_id, found in zip(mesh_ids, pipe.execute(), strict=True) if not found]
 
 
 def mesh_cursor(cursor: str | None) -> tuple[float, str]:

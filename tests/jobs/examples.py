@@ -8,6 +8,7 @@ from spherify.geometry.mesh import TriangleMesh
 from spherify.geometry.samples import SAMPLES
 from spherify.geometry.schedule import SnapshotPlan
 from spherify.jobs import layout
+from spherify.jobs.codec import dump_record
 from spherify.jobs.ids import job_id_at, new_job_id
 from spherify.jobs.model import JobSpec, MeshRecord
 from spherify.jobs.ports import BlobStore, MeshStore
@@ -30,6 +31,7 @@ def store_mesh(meshes: MeshStore, blobs: BlobStore, mesh: TriangleMesh, mesh_id:
     """Put a mesh where runners look for it, and record it."""
     arrays = {"vertices": mesh.vertices, "faces": mesh.faces}
     blobs.create(layout.mesh_arrays(mesh_id), dump_arrays(arrays))
+    blobs.create(layout.mesh_record(mesh_id), dump_record(mesh_record(mesh_id)).encode())
     meshes.add(mesh_record(mesh_id))
 
 

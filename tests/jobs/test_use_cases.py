@@ -26,12 +26,14 @@ from spherify.jobs.ids import earliest_job_id, is_job_id, job_id_at, new_job_id
 from spherify.jobs.model import JobError, JobStatus, Outcome, Progress, Snapshot
 from spherify.jobs.orphans import Orphans
 from spherify.jobs.ports import BlobStat, CancelOutcome
+from spherify.jobs.rebuild import Stock
 from spherify.jobs.reconcile import Reconciler, sweep_scratch
 from spherify.jobs.results import Result, publish_result, read_result, write_result
 from spherify.jobs.settle import settle
 from spherify.jobs.submit import submit
-from spherify.stores.memory import MemoryJobQueue, MemoryJobStore, MemoryMeshStore
+from spherify.stores.memory import MemoryJobStore
 from spherify.stores.memory_blobs import MemoryBlobStore
+from spherify.stores.memory_meshes import MemoryJobQueue, MemoryMeshStore
 from tests.jobs.examples import job_spec, mesh_record
 
 
@@ -42,6 +44,10 @@ class World:
     blobs: MemoryBlobStore
     queue: MemoryJobQueue
     now: list[float]
+
+    @property
+    def stock(self) -> Stock:
+        return Stock(self.jobs, self.meshes, self.blobs, self.queue)
 
 
 @pytest.fixture
@@ -87,7 +93,7 @@ def test_a_job_on_a_mesh_that_is_gone_leaves_no_trace(world: World) -> None:
 def test_a_job_no_queue_holds_is_sent_after_two_scans(world: World) -> None:
     spec = job_spec()
     submit(world.jobs, world.blobs, BrokenQueue(), spec)
-    reconciler = Reconciler(world.jobs, world.queue, world.blobs, orphan_s=15)
+    reconciler = Reconciler(world.stock, orphan_s=15)
     assert reconciler.scan().orphans == ()  # it is young
     world.now[0] += 16
     assert reconciler.scan().orphans == ()  # missed once: it may be on its way
@@ -120,7 +126,7 @@ def test_a_long_queue_is_read_in_slices_and_nothing_in_it_is_sent_twice(world: W
 def test_a_job_whose_lease_ran_out_is_sent_again_until_it_is_poison(world: World) -> None:
     spec = job_spec()
     submit(world.jobs, world.blobs, world.queue, spec)
-    reconciler = Reconciler(world.jobs, world.queue, world.blobs, orphan_s=15)
+    reconciler = Reconciler(world.stock, orphan_s=15)
     for expected in ((spec.id,), ()):
         world.queue.take()
         world.jobs.claim(spec.id, "w")
@@ -186,6 +192,21 @@ def test_any_attempt_can_tell_the_record_of_a_result(world: World) -> None:
     assert job.progress == result.progress
 
 
+def test_a_cancel_after_a_crash_between_file_and_record_comes_too_late(world: World) -> None:
+    spec = job_spec()
+    submit(world.jobs, world.blobs, world.queue, spec)
+    result = write_result(world.blobs, result_of(spec.id, world.jobs.claim(spec.id, "dies").token))
+    assert (
+        cancel(world.jobs, world.blobs, spec.id) is CancelOutcome.FINISHED
+    )  # its lease lasts: nothing is touched
+    assert world.jobs.get(spec.id).status is JobStatus.RUNNING
+    world.now[0] += 31
+    assert cancel(world.jobs, world.blobs, spec.id) is CancelOutcome.FINISHED
+    job = world.jobs.get(spec.id)
+    assert (job.status, job.error) == (JobStatus.FAILED, result.outcome.error)  # as the file says
+    assert job.snapshots == tuple(result.snapshots)
+
+
 def test_deleting_removes_the_files(world: World) -> None:
     spec, mesh = job_spec(), mesh_record()
     world.blobs.create(layout.mesh_arrays(mesh.id), b"")
@@ -203,7 +224,7 @@ def test_deleting_removes_the_files(world: World) -> None:
 
 
 def settled(world: World) -> tuple[str, ...]:
-    return Reconciler(world.jobs, world.queue, world.blobs, orphan_s=15).scan().settled
+    return Reconciler(world.stock, orphan_s=15).scan().settled
 
 
 def checkpoint(world: World, job_id: str) -> None:
@@ -335,9 +356,9 @@ def test_old_scratch_files_are_swept(tmp_path: Path) -> None:
     for path in (old, young):
         path.write_bytes(b"")
     os.utime(old, (1.0, 1.0))
-    assert sweep_scratch(tmp_path.iterdir(), 3600.0) == 1
+    assert sweep_scratch(tmp_path.iterdir(), 3600.0) == ("old",)
     assert [path.name for path in tmp_path.iterdir()] == ["young"]
-    assert sweep_scratch([old], 3600.0) == 0  # somebody was quicker
+    assert sweep_scratch([old], 3600.0) == ()  # somebody was quicker
 
 
 def test_identifiers_sort_by_time_and_are_recognised() -> None:

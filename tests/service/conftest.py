@@ -21,7 +21,9 @@ from service.app import create_app
 from service.server import configuration
 from spherify.jobs import layout
 from spherify.jobs.model import Job, JobStatus, MeshRecord, Outcome, Progress, Snapshot
+from spherify.jobs.rebuild import rebuild
 from spherify.settings import Settings
+from spherify.stores import keys
 from spherify.stores.arrays import dump_arrays, load_arrays
 from spherify.stores.connect import Stores, open_stores
 from spherify.stores.embedded import EmbeddedServer
@@ -93,6 +95,7 @@ def shared_settings(server_url: str, tmp_path_factory: pytest.TempPathFactory) -
 @pytest.fixture(scope="session")
 def shared_stores(shared_settings: Settings) -> Iterator[Stores]:
     stores = open_stores(shared_settings)
+    rebuild(stores.stock)
     yield stores
     stores.close()
 
@@ -114,6 +117,7 @@ def stores(shared_settings: Settings, shared_stores: Stores) -> Iterator[Stores]
     yield shared_stores
     leftovers = list(shared_stores.blobs.scratch().iterdir())
     shared_stores.client.flushdb()
+    shared_stores.client.set(keys.EPOCH, "test")  # nothing is missing
     for folder in ("blobs/meshes", "blobs/jobs", "cache"):
         shutil.rmtree(shared_settings.data_dir / folder, ignore_errors=True)
     assert leftovers == [], "every scratch file is removed"

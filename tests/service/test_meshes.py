@@ -11,6 +11,7 @@ import pytest
 from spherify.jobs import layout
 from spherify.jobs.errors import StorageFullError
 from spherify.jobs.ports import BlobStat
+from spherify.jobs.rebuild import rebuild
 from spherify.settings import Settings
 from spherify.stores.blobs import FolderBlobStore
 from spherify.stores.connect import Stores
@@ -58,10 +59,13 @@ def test_many_uploads_of_one_mesh_at_once_are_one_mesh(client: httpx.Client, sto
 
 def test_the_record_survives_the_loss_of_the_store(client: httpx.Client, stores: Stores) -> None:
     first = upload(client).json()
+    path = f"/v1/meshes/{first['id']}"
     stores.client.flushdb()
-    again = upload(client, name="renamed.obj")
-    assert again.status_code == 201
-    assert again.json() == first
+    for answer in (client.get(path), client.get("/v1/meshes"), client.delete(path), client.get("/readyz")):
+        assert (answer.status_code, answer.headers["retry-after"]) == (503, "2"), answer.text  # and never 404
+    assert rebuild(stores.stock)
+    assert client.get(path).json() == first
+    assert upload(client, name="renamed.obj").status_code == 200
 
 
 def test_a_raw_body_is_read_in_pieces(client: httpx.Client) -> None:

@@ -355,3 +355,16 @@ def test_every_change_raises_the_revision(jobs: JobStore) -> None:
 
 def test_the_server_answers(jobs: JobStore) -> None:
     jobs.ping()
+
+
+def test_who_asks_twice_is_told_the_same_twice(jobs: JobStore) -> None:
+    spec = job_spec()
+    jobs.add(spec)
+    first = jobs.claim(spec.id, "w", "one")
+    assert jobs.claim(spec.id, "w", "one") == first
+    assert jobs.claim(spec.id, "w", "another").outcome is ClaimOutcome.LEASED
+    assert jobs.claim(spec.id, "w").outcome is ClaimOutcome.LEASED
+    assert jobs.get(spec.id).attempt == 1
+    assert jobs.release(spec.id, first.token)
+    assert jobs.claim(spec.id, "w", "one").token == first.token + 1  # a new attempt, whoever it is
+    assert jobs.get(spec.id).attempt == 2

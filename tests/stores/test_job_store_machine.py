@@ -17,7 +17,9 @@ from hypothesis.stateful import (
 )
 
 from spherify.jobs.model import LEGAL_MOVES, Job, JobStatus, Outcome, Progress, Snapshot
-from spherify.stores.memory import MemoryJobStore, MemoryMeshStore
+from spherify.stores import keys
+from spherify.stores.memory import MemoryJobStore
+from spherify.stores.memory_meshes import MemoryMeshStore
 from spherify.stores.redis_jobs import RedisJobStore
 from spherify.stores.redis_meshes import RedisMeshStore
 from tests.jobs.examples import job_spec, mesh_record
@@ -33,6 +35,7 @@ def test_every_life_of_a_job_is_the_same_in_both_stores(client: redis.Redis) -> 
         def __init__(self) -> None:
             super().__init__()
             client.flushall()
+            client.set(keys.EPOCH, "test")
             self.real = RedisJobStore(client, lease_s=60, max_losses=MAX_LOSSES)
             self.brief = RedisJobStore(client, lease_s=-1, max_losses=MAX_LOSSES)
             self.twin = MemoryJobStore(lease_s=60, max_losses=MAX_LOSSES)

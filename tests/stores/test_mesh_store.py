@@ -5,7 +5,8 @@ import redis
 
 from spherify.jobs.errors import InvalidCursorError, MeshInUseError, MeshNotFoundError
 from spherify.jobs.ports import JobStore, MeshStore
-from spherify.stores.memory import MemoryJobStore, MemoryMeshStore
+from spherify.stores.memory import MemoryJobStore
+from spherify.stores.memory_meshes import MemoryMeshStore
 from spherify.stores.redis_jobs import RedisJobStore
 from spherify.stores.redis_meshes import RedisMeshStore
 from tests.jobs.examples import job_spec, mesh_record

@@ -9,7 +9,7 @@ from spherify.geometry.schedule import SnapshotPlan
 from spherify.jobs import layout
 from spherify.jobs.run import Kept, Stop, run
 from spherify.parameters import resolve
-from spherify.stores.arrays import dump_arrays
+from spherify.stores.arrays import dump_arrays, load_arrays
 from spherify.stores.blobs import FolderBlobStore
 from tests.jobs.examples import stone
 from tests.jobs.test_run import Recorder, stop_at
@@ -71,6 +71,19 @@ def test_a_damaged_checkpoint_is_passed_over(blobs: FolderBlobStore, how: str) -
     assert iterations(blobs) == (20, [0, 10, 20])
 
 
+def test_where_the_newest_checkpoint_is_damaged_the_one_before_is_taken(blobs: FolderBlobStore) -> None:
+    folder = layout.checkpoints(JOB)
+    content = load_arrays(blobs.read(layout.numbered(folder, 1, 24)))
+    order = Order(JOB, 1, str(blobs.root), memory_bytes=1, deadline_s=1, checkpoint_s=1)
+    sink = PipeSink(blobs, order, io.BytesIO())
+    for iteration in (26, 28):
+        counts = content["counts"].copy()
+        counts[0] = iteration
+        sink.checkpoint(Kept(iteration, {**content, "counts": counts}, {}))
+    damage(blobs, layout.numbered(folder, 1, 28), "flipped")
+    assert iterations(blobs) == (26, [0, 10, 20])
+
+
 @pytest.mark.parametrize("how", ["flipped", "cut off"])
 def test_a_damaged_snapshot_is_computed_again(blobs: FolderBlobStore, how: str) -> None:
     damage(blobs, layout.numbered(layout.snapshots(JOB), 1, 10), how)
@@ -87,15 +100,19 @@ def test_a_checkpoint_swept_by_a_runner_that_still_lives_is_passed_over(blobs: F
     assert iterations(Swept(blobs.root)) == (20, [0, 10, 20])
 
 
-def test_a_checkpoint_replaces_the_earlier_ones_but_not_those_of_a_later_attempt(
+def test_a_checkpoint_replaces_the_earlier_ones_but_one_and_not_those_of_a_later_attempt(
     blobs: FolderBlobStore,
 ) -> None:
     folder = layout.checkpoints(JOB)
     later = layout.numbered(folder, 3, 12)
-    blobs.create(later, b"")
+    older = [
+        layout.numbered(folder, 1, iteration) for iteration in (9_999_999, 10_000_000)
+    ]  # by number, not by name
+    for key in (later, *older):
+        blobs.create(key, b"")
     order = Order(JOB, 2, str(blobs.root), memory_bytes=1, deadline_s=1, checkpoint_s=1)
     PipeSink(blobs, order, io.BytesIO()).checkpoint(Kept(22, {"vertices": stone().vertices}, {}))
-    assert [stat.key for stat in blobs.list(folder)] == [layout.numbered(folder, 2, 22), later]
+    assert {stat.key for stat in blobs.list(folder)} == {older[-1], layout.numbered(folder, 2, 22), later}
 
 
 def test_another_attempts_copy_stands_in_for_a_damaged_one(blobs: FolderBlobStore) -> None:

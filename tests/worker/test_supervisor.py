@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import logging
 import os
 import signal
@@ -13,16 +14,18 @@ import redis
 
 from spherify.jobs import layout
 from spherify.jobs.cancel import cancel
-from spherify.jobs.errors import StorageFullError
+from spherify.jobs.errors import StorageFullError, StoreUnavailableError
 from spherify.jobs.model import Job, JobStatus
-from spherify.jobs.ports import BlobStat, CancelOutcome
+from spherify.jobs.ports import BlobStat, CancelOutcome, Claim
 from spherify.jobs.reconcile import Reconciler
 from spherify.jobs.results import read_result
 from spherify.jobs.submit import submit
 from spherify.settings import Settings
+from spherify.stores import keys
 from spherify.stores.blobs import FolderBlobStore
 from spherify.stores.connect import Stores, open_stores
 from spherify.stores.embedded import EmbeddedServer
+from spherify.stores.redis_jobs import RedisJobStore
 from tests.jobs.examples import ENDLESS, job_spec, stone, store_mesh
 from tests.stack import wait_for
 from worker.runners import Runner, Runners
@@ -212,6 +215,77 @@ def test_an_attempt_that_was_overtaken_writes_no_result(
     assert not runners.last.alive
 
 
+class Mute(Watched):
+    """Runners that do not understand their order, and end without a word."""
+
+    def take(self) -> Runner:
+        runner = super().take()
+        runner.start = lambda _: runner._stdin.write(b"no order\n")  # type: ignore[method-assign,assignment,return-value]
+        return runner
+
+
+def test_a_fault_of_ours_is_named_and_not_tried_again(
+    stores: Stores, settings: Settings, runners: Watched
+) -> None:
+    spec = dataclasses.replace(job_spec(), parameters={"step": "sideways"})  # the API would not let it in
+    submit(stores.jobs, stores.blobs, stores.queue, spec)
+    job = supervise(stores, settings, runners, spec.id)
+    assert (job.status, job.attempt, job.losses) == (JobStatus.FAILED, 1, 0)
+    assert job.error is not None
+    assert job.error.code == "internal-error"
+    assert "ValidationError" in job.error.detail
+    assert spec.id in job.error.detail
+
+
+def test_a_runner_that_ends_by_itself_without_a_word_is_a_fault_of_ours(
+    stores: Stores, settings: Settings
+) -> None:
+    runners = Mute(1)
+    job = supervise(stores, settings, runners, endless(stores))
+    runners.close()
+    assert (job.status, job.losses) == (JobStatus.FAILED, 0)
+    assert job.error is not None
+    assert job.error.code == "internal-error"
+    assert "exit code 1" in job.error.detail
+
+
+def test_the_time_limit_is_that_of_all_attempts_together(
+    stores: Stores, settings: Settings, runners: Watched
+) -> None:
+    job_id = endless(stores)
+    token = stores.jobs.claim(job_id, "earlier").token
+    stores.client.hincrby(keys.job(job_id), "claimed_at", -3_600_000)  # an hour ago
+    assert stores.jobs.release(job_id, token)
+    runners.warm_up()
+    hour = settings.model_copy(update={"wall_limit_s": 3600.0})
+    job = supervise(stores, hour, runners, job_id)
+    assert (job.status, job.stop_reason, job.attempt) == (JobStatus.FAILED, "deadline", 2)
+    assert job.error is not None
+    assert job.error.code == "deadline"
+    assert job.result_iteration is not None
+
+
+def test_a_claim_whose_answer_is_lost_costs_nothing(
+    stores: Stores, settings: Settings, runners: Watched
+) -> None:
+    class Lossy(RedisJobStore):
+        asked = 0
+
+        def claim(self, job_id: str, worker: str, claimant: str = "") -> Claim:
+            answer = super().claim(job_id, worker, claimant)
+            self.asked += 1
+            if self.asked < 3:
+                raise StoreUnavailableError
+            return answer
+
+    job_id = submit(stores.jobs, stores.blobs, stores.queue, job_spec()).id
+    lossy = Lossy(stores.client)
+    Supervisor(lossy, stores.blobs, stores.queue, settings, runners).run(job_id, "w")
+    job = stores.jobs.get(job_id)
+    assert (job.status, job.attempt, job.losses) == (JobStatus.SUCCESSFUL, 1, 0)
+    assert lossy.asked == 3
+
+
 def test_an_attempt_whose_records_are_flushed_ends_and_leaves_every_file(
     stores: Stores, settings: Settings, runners: Watched
 ) -> None:
@@ -265,7 +339,7 @@ def test_a_disk_that_is_full_at_the_end_is_named_and_written_down_later(
     assert job.error is not None
     assert job.error.code == "storage-full"
     assert read_result(stores.blobs, job_id) is None
-    scan = Reconciler(stores.jobs, stores.queue, stores.blobs, orphan_s=15).scan()
+    scan = Reconciler(stores.stock, orphan_s=15).scan()
     assert scan.settled == (job_id,)
     result = read_result(stores.blobs, job_id)
     assert result is not None

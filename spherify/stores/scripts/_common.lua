@@ -19,7 +19,9 @@ local function move(to) -- to another status, and out of what the old one stood 
   if to ~= 'accepted' then redis.call('ZREM', QUEUED, ID) end
   if to ~= 'running' and to ~= 'cancelling' then
     redis.call('ZREM', LEASES, ID)
-    redis.call('HDEL', JOB, 'lease_until', 'worker', 'sealed')
+    local since = field('claimed_at')
+    if since then redis.call('HINCRBY', JOB, 'spent', now() - since) end
+    redis.call('HDEL', JOB, 'lease_until', 'worker', 'sealed', 'claimant', 'claimed_at')
   end
   touch()
 end

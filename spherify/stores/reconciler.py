@@ -1,4 +1,4 @@
-"""The reconciler's thread in the worker's main process: it runs whether or not Celery is consuming."""
+"""The reconciler's thread: in every API process, and in every worker whether or not it is consuming."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ log = logging.getLogger(__name__)
 
 
 class ReconcilerThread(threading.Thread):
-    """Scans as often as the settings say, while this process is the leader."""
+    """Scans as often as the settings say, while this process is the leader; the first time at once."""
 
     def __init__(self, settings: Settings, *, name: str) -> None:
         super().__init__(name="reconciler", daemon=True)
@@ -32,11 +32,13 @@ class ReconcilerThread(threading.Thread):
         stores = open_stores(self._settings)
         period = self._settings.reconcile_s
         leadership = Leadership(stores.client, self._owner, lease_s=3 * period)
-        reconciler = Reconciler(stores.jobs, stores.queue, stores.blobs, orphan_s=self._settings.orphan_s)
-        while not self._done.wait(period):
+        reconciler = Reconciler(stores.stock, orphan_s=self._settings.orphan_s)
+        pause = 0.0
+        while not self._done.wait(pause):
+            pause = period
             try:
                 if leadership.acquire():
-                    reconciler.scan()
+                    reconciler.scan(still=leadership.acquire)
             except StoreUnavailableError as e:
                 log.warning("the job store does not answer: %s", e, extra={"action": "reconcile"})
             except Exception:  # a scan that fails must not be the last one; the trace goes to the log

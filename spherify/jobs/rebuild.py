@@ -1,0 +1,153 @@
+"""Bring records back that the server lost: everything that was acknowledged is in the files.
+
+    tombstones/{job}                    the job was deleted, and stays so
+    jobs/{job}/result.json              the job ended so
+    jobs/{job}/cancel.json              the job was to be cancelled, and is
+    jobs/{job}/spec.json                the job waits again, and goes on from its newest checkpoint
+    meshes/{mesh}/record.json           the mesh
+
+What has a ``withdrawn.json`` was answered with "not accepted" and stays away. A spec without that and without a record
+belongs to a client who was answered nothing at all, or was told that the server does not answer when it had taken the
+job: such a job comes back too; sending the request again under the same Idempotency-Key finds it.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from spherify.jobs import layout
+from spherify.jobs.codec import load_mesh_record, load_spec
+from spherify.jobs.errors import BlobNotFoundError, JobsError, StoreUnavailableError
+from spherify.jobs.ids import is_job_id
+from spherify.jobs.model import Job, JobSpec
+from spherify.jobs.ports import BlobStore, JobQueue, JobStore, MeshStore
+from spherify.jobs.results import Result, read_result
+from spherify.jobs.settle import settle
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class Stock:
+    """Everything that is stored, and the way to the workers."""
+
+    jobs: JobStore
+    meshes: MeshStore
+    blobs: BlobStore
+    queue: JobQueue
+
+
+def rebuild(stock: Stock, still: Callable[[], object] = lambda: None) -> bool:
+    """Restore everything if the server lost its records; whether it had.
+
+    May be done by several at a time, and again after it was broken off.
+
+    Args:
+        stock: what to look through.
+        still: called again and again, by which the caller says that it still is at it.
+
+    Raises:
+        StoreUnavailableError: it is to be done again.
+
+    """
+    if stock.jobs.complete():
+        return False
+    began = time.monotonic()
+    log.warning("the records are gone: rebuilding them from the files", extra={"action": "rebuild"})
+    name = stock.jobs.begin_rebuild()
+    counts = {"meshes": 0, "jobs": 0}
+    for stat in stock.blobs.list(layout.tombstones()):
+        stock.jobs.bury(stat.key.rpartition("/")[2], stat.created_at + layout.TOMBSTONE_S - time.time())
+    for kind, prefix, restore in (
+        ("meshes", layout.meshes(), restore_mesh),
+        ("jobs", layout.jobs(), restore_job),
+    ):
+        for found in stock.blobs.folders(prefix):
+            still()
+            counts[kind] += _tried(stock, found, restore)
+    complete = stock.jobs.end_rebuild(name)
+    said = f"{counts['jobs']} jobs and {counts['meshes']} meshes in {time.monotonic() - began:.1f} s"
+    log.warning("rebuilt: %s%s", said, "" if complete else ", and lost again", extra={"action": "rebuild"})
+    return True
+
+
+def restore_mesh(stock: Stock, mesh_id: str) -> bool:
+    """Record a mesh again from its files; whether there was anything to record."""
+    try:
+        record = load_mesh_record(stock.blobs.read(layout.mesh_record(mesh_id)))
+    except BlobNotFoundError:  # it was being deleted, or written
+        return False
+    return stock.meshes.add(record)
+
+
+def restore_job(stock: Stock, job_id: str) -> bool:
+    """Record a job again from its files, as ended or as waiting; whether there was anything to record."""
+    blobs = stock.blobs
+    if not is_job_id(job_id) or blobs.stat(layout.tombstone(job_id)) is not None:
+        return False
+    try:
+        spec = load_spec(blobs.read(layout.spec(job_id)))
+    except BlobNotFoundError:
+        return False
+    result = read_result(blobs, job_id)
+    if result is not None:
+        ended = blobs.stat(layout.result(job_id))
+        return stock.jobs.restore(
+            _ended(spec, result, ended.created_at if ended else time.time()), result.rows
+        )
+    if blobs.stat(layout.withdrawn(job_id)) is not None:
+        return False
+    restored = stock.jobs.restore(Job(spec, token=_newest_token(blobs, job_id)), ())
+    if restored and blobs.stat(layout.cancel(job_id)) is not None:
+        stock.jobs.request_cancel(job_id)
+        settle(stock.jobs, blobs, job_id)
+    elif restored:
+        stock.queue.send(job_id)
+    return restored
+
+
+def _ended(spec: JobSpec, result: Result, finished_at: float) -> Job:
+    outcome = result.outcome
+    newest = result.rows[-1] if result.rows else {}
+    return Job(
+        spec=spec,
+        status=outcome.status,
+        token=result.token,
+        attempt=result.attempt,
+        losses=result.losses,
+        progress=result.progress,
+        metrics={name: value for name, value in newest.items() if name != "iteration"},
+        snapshots=tuple(result.snapshots),
+        best_iteration=outcome.best_iteration,
+        result_iteration=outcome.result_iteration,
+        stop_reason=outcome.stop_reason,
+        stop_detail=outcome.stop_detail,
+        error=outcome.error,
+        started_at=result.started_at,
+        finished_at=finished_at,
+    )
+
+
+def _newest_token(blobs: BlobStore, job_id: str) -> int:
+    """Return the greatest token that left a file: whoever wrote it may live yet, and is to be fenced."""
+    prefixes = (layout.snapshots(job_id), layout.checkpoints(job_id))
+    return max((layout.numbers(stat.key)[0] for prefix in prefixes for stat in blobs.list(prefix)), default=0)
+
+
+def _tried(stock: Stock, name: str, restore: Callable[[Stock, str], bool]) -> bool:
+    try:
+        return restore(stock, name)
+    except StoreUnavailableError:
+        raise
+    except (
+        JobsError,
+        OSError,
+        ValueError,
+        LookupError,
+        TypeError,
+    ):  # files of another form: not the others' trouble
+        log.exception("cannot be restored", extra={"job_id": name, "action": "rebuild"})
+        return False

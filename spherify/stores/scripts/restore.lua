@@ -1,0 +1,16 @@
+-- A job again whose record was lost. KEYS: 6 its tombstone, 7 rows, 8 snapshots.
+-- ARGV: 2 the record, 3 rows, 4 snapshots (each a JSON object of strings), 5 the least token, 6.. index keys.
+if redis.call('EXISTS', JOB, KEYS[6]) > 0 then return 0 end
+for i, key in ipairs({JOB, KEYS[7], KEYS[8]}) do
+  for name, value in pairs(cjson.decode(ARGV[i + 1])) do redis.call('HSET', key, name, value) end
+end
+local fresh = string.format('%.0f', math.max(now(), tonumber(ARGV[5]))) -- beyond whatever was given out before
+redis.call('HSET', JOB, 'rev', fresh, 'token', fresh)
+for i = 6, #ARGV do redis.call('ZADD', ARGV[i], 0, ID) end
+if field('status') == 'accepted' then
+  redis.call('ZADD', QUEUED, field('queued_at'), ID)
+else
+  redis.call('ZADD', UNSETTLED, 0, ID)
+end
+move(field('status'))
+return 1

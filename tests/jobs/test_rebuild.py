@@ -1,0 +1,287 @@
+"""What comes back after a loss of records, and what does not: over the twins, and over a real server and folder."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import redis
+
+from spherify.jobs import inventory, layout
+from spherify.jobs.cancel import cancel
+from spherify.jobs.codec import dump_record
+from spherify.jobs.delete import delete_job, delete_mesh
+from spherify.jobs.errors import (
+    JobGoneError,
+    JobNotFoundError,
+    MeshNotFoundError,
+    StoreUnavailableError,
+)
+from spherify.jobs.inventory import Inventory
+from spherify.jobs.model import JobError, JobSpec, JobStatus, Outcome, Progress, Snapshot
+from spherify.jobs.ports import CancelOutcome
+from spherify.jobs.rebuild import Stock, rebuild
+from spherify.jobs.results import Result, write_result
+from spherify.jobs.settle import settle
+from spherify.jobs.submit import submit
+from spherify.settings import Settings
+from spherify.stores import keys
+from spherify.stores.connect import open_stores
+from spherify.stores.embedded import EmbeddedServer
+from tests.jobs.examples import MESH_ID, job_spec, mesh_record
+
+ROWS = [{"iteration": 0, "sphericity": 0.5}, {"iteration": 3, "sphericity": 0.1 + 0.2}]
+
+
+@pytest.fixture
+def stock(server: EmbeddedServer, client: redis.Redis, tmp_path: Path) -> Stock:
+    stores = open_stores(Settings(redis_url=server.url, data_dir=tmp_path))
+    stores.blobs.create(layout.mesh_record(MESH_ID), dump_record(mesh_record()).encode())
+    stores.meshes.add(mesh_record())
+    return stores.stock
+
+
+@pytest.fixture
+def lose(client: redis.Redis) -> Callable[[], object]:
+    return client.flushall
+
+
+def submitted(stock: Stock, **changes: object) -> JobSpec:
+    spec = job_spec(**changes)  # type: ignore[arg-type]
+    submit(stock.jobs, stock.blobs, stock.queue, spec)
+    return spec
+
+
+def ended(stock: Stock, outcome: Outcome) -> JobSpec:
+    """Submit a job and let a worker's part be played to its end."""
+    spec = submitted(stock, tags=("a", "b"))
+    token = stock.jobs.claim(spec.id, "w").token
+    snapshots = (Snapshot(0, "k", "s", 1, {"sphericity": 0.5}, 1.0), Snapshot(3, "l", "t", 2, {}, 2.0))
+    progress = Progress(3, 3, 1.5, 0.0, 2.0)
+    for snapshot in snapshots:
+        stock.jobs.add_snapshot(spec.id, token, snapshot)
+    stock.jobs.report(spec.id, token, progress, ROWS)
+    job = stock.jobs.get(spec.id)
+    write_result(
+        stock.blobs,
+        Result(spec.id, token, outcome, progress, snapshots, ROWS, job.started_at, job.attempt, job.losses),
+    )
+    stock.jobs.commit(spec.id, token, outcome)
+    settle(stock.jobs, stock.blobs, spec.id)
+    return spec
+
+
+@pytest.mark.parametrize(
+    "outcome",
+    [
+        Outcome(JobStatus.SUCCESSFUL, "converged", None, 3, 3),
+        Outcome(JobStatus.FAILED, "collapsed", "it broke", 0, 0, JobError("collapsed", "it broke; try ü")),
+        Outcome(JobStatus.CANCELLED, "cancelled", None, None, 3),
+    ],
+)
+def test_an_ended_job_comes_back_as_it_was(
+    stock: Stock, lose: Callable[[], object], outcome: Outcome
+) -> None:
+    spec = ended(stock, outcome)
+    before = stock.jobs.get(spec.id)
+    lose()
+    assert rebuild(stock)
+    after = stock.jobs.get(spec.id)
+    assert after.rev > before.rev
+    assert after.token > before.token
+    assert after.finished_at == pytest.approx(before.finished_at, abs=5)
+    assert replace(after, rev=0, token=0, finished_at=0) == replace(before, rev=0, token=0, finished_at=0)
+    assert stock.jobs.metrics(spec.id) == ROWS
+    for found in (
+        stock.jobs.find(status=outcome.status),
+        stock.jobs.find(tag="b"),
+        stock.jobs.find(mesh_id=MESH_ID),
+        stock.jobs.find(),
+    ):
+        assert found.items == (after,)
+    assert stock.jobs.waiting(0) == []
+    assert stock.queue.pending() == []
+    assert not rebuild(stock)
+
+
+def test_a_job_that_had_not_ended_waits_again_with_a_token_beyond_all_others(
+    stock: Stock, lose: Callable[[], object]
+) -> None:
+    early, late = submitted(stock, at=1_700_000_000.0), submitted(stock)
+    token = stock.jobs.claim(early.id, "w").token
+    future = 10**15
+    stock.blobs.create(layout.numbered(layout.checkpoints(late.id), future, 7), b"")
+    lose()
+    rebuild(stock)
+    assert stock.jobs.waiting(0) == [early.id, late.id]
+    assert sorted(stock.queue.pending()) == sorted([early.id, late.id])
+    assert stock.jobs.get(early.id).started_at is None
+    assert not stock.jobs.report(early.id, token, Progress(1, 3))  # the attempt of before is fenced
+    assert stock.jobs.claim(early.id, "w").token > time.time() * 1000 - 60_000
+    assert stock.jobs.claim(late.id, "w").token == future + 2
+
+
+def test_what_was_deleted_stays_deleted(stock: Stock, lose: Callable[[], object]) -> None:
+    kept = ended(stock, Outcome(JobStatus.SUCCESSFUL))
+    gone, broken_off = (ended(stock, Outcome(JobStatus.SUCCESSFUL)) for _ in range(2))
+    other = mesh_record("mesh_" + "2" * 26)
+    stock.blobs.create(layout.mesh_record(other.id), dump_record(other).encode())
+    stock.meshes.add(other)
+    delete_job(stock.jobs, stock.blobs, gone.id)
+    stock.blobs.create(layout.tombstone(broken_off.id), b"")
+    stock.jobs.delete(broken_off.id)  # and then the process died, with all files in place
+    delete_mesh(stock.meshes, stock.blobs, other.id)
+    lose()
+    rebuild(stock)
+    for spec in (gone, broken_off):
+        with pytest.raises(JobGoneError):
+            stock.jobs.get(spec.id)
+    with pytest.raises(MeshNotFoundError):
+        stock.meshes.get(other.id)
+    assert [job.id for job in stock.jobs.find().items] == [kept.id]
+
+
+def test_a_cancel_that_was_acknowledged_outlives_the_record(stock: Stock, lose: Callable[[], object]) -> None:
+    waiting, running = submitted(stock), submitted(stock)
+    stock.jobs.claim(running.id, "w")
+    assert cancel(stock.jobs, stock.blobs, waiting.id) is CancelOutcome.CANCELLED
+    assert cancel(stock.jobs, stock.blobs, running.id) is CancelOutcome.CANCELLING
+    assert cancel(stock.jobs, stock.blobs, running.id) is CancelOutcome.CANCELLING
+    lose()
+    rebuild(stock)
+    for spec in (waiting, running):
+        job = stock.jobs.get(spec.id)
+        assert (job.status, job.stop_reason) == (JobStatus.CANCELLED, "cancelled")
+        assert stock.blobs.stat(layout.result(spec.id)) is not None
+    assert stock.queue.pending() == []
+
+
+def test_until_everything_is_back_nothing_is_said_to_be_missing(
+    stock: Stock, lose: Callable[[], object], client: redis.Redis
+) -> None:
+    spec = ended(stock, Outcome(JobStatus.SUCCESSFUL))
+    lose()
+    asked: list[Callable[[], object]] = [
+        stock.jobs.ping,
+        stock.jobs.find,
+        lambda: stock.jobs.get(spec.id),
+        lambda: stock.jobs.metrics(spec.id),
+        lambda: stock.jobs.request_cancel(spec.id),
+        lambda: stock.jobs.delete(spec.id),
+        lambda: stock.meshes.get(MESH_ID),
+        stock.meshes.find,
+        lambda: stock.meshes.delete(MESH_ID),
+        lambda: submit(stock.jobs, stock.blobs, stock.queue, spec),  # once more, under an Idempotency-Key
+        lambda: submit(stock.jobs, stock.blobs, stock.queue, job_spec()),  # its mesh is not there
+    ]
+    for ask in asked:
+        with pytest.raises(StoreUnavailableError):
+            ask()
+    rebuild(stock)
+    for ask in (asked[0], asked[1], asked[2], asked[3], asked[6], asked[7]):
+        ask()
+    assert asked[4]() is CancelOutcome.FINISHED
+    assert submit(stock.jobs, stock.blobs, stock.queue, spec).status is JobStatus.SUCCESSFUL
+    assert client.exists(keys.EPOCH)
+
+
+def test_a_job_that_a_client_was_refused_never_comes_back(stock: Stock, lose: Callable[[], object]) -> None:
+    lose()  # the mesh is not there, for now
+    spec = job_spec()
+    with pytest.raises(StoreUnavailableError):
+        submit(stock.jobs, stock.blobs, stock.queue, spec)
+    rebuild(stock)
+    with pytest.raises(JobNotFoundError):
+        stock.jobs.get(spec.id)
+    assert (
+        submit(stock.jobs, stock.blobs, stock.queue, spec).status is JobStatus.ACCEPTED
+    )  # the client insists
+    lose()
+    rebuild(stock)
+    assert stock.jobs.get(spec.id).status is JobStatus.ACCEPTED
+
+
+def test_records_lost_once_more_during_the_rebuild_are_rebuilt_again(
+    stock: Stock, lose: Callable[[], object]
+) -> None:
+    specs = [submitted(stock) for _ in range(3)]
+    lose()
+    steps: list[int] = []
+
+    def still() -> None:
+        steps.append(1)
+        if len(steps) == 3:
+            lose()
+
+    assert rebuild(stock, still)
+    assert not stock.jobs.complete()
+    assert rebuild(stock)
+    assert stock.jobs.complete()
+    assert {job.id for job in stock.jobs.find().items} == {spec.id for spec in specs}
+
+
+@pytest.mark.parametrize("content", [b"", b"{", b"[]", b'{"id": 1}'])
+def test_files_of_another_form_are_not_in_the_way(
+    stock: Stock, lose: Callable[[], object], content: bytes
+) -> None:
+    spoilt, whole = job_spec(), job_spec()
+    stock.blobs.create(layout.spec(spoilt.id), content)
+    stock.blobs.create("meshes/mesh_spoilt/record.json", content)
+    stock.blobs.create("jobs/no-job/spec.json", dump_record(whole).encode())
+    submit(stock.jobs, stock.blobs, stock.queue, whole)
+    lose()
+    assert rebuild(stock)
+    assert [job.id for job in stock.jobs.find().items] == [whole.id]
+    assert [mesh.id for mesh in stock.meshes.find().items] == [MESH_ID]
+
+
+# A server that lost some records and kept the others
+
+
+def rounds(stock: Stock, number: int = 3, slice_: int = 2) -> list[str]:
+    """Look until that many rounds are over; returns what was restored."""
+    now = [0.0]
+    look = Inventory(stock, slice_=slice_, clock=lambda: now[0])
+    restored = []
+    for _ in range(number):
+        now[0] += inventory.ROUND_S
+        for _ in range(20):
+            restored += look.look()
+    return restored
+
+
+def test_a_record_that_alone_is_lost_is_restored(stock: Stock, client: redis.Redis) -> None:
+    specs = [submitted(stock) for _ in range(5)]
+    client.delete(keys.job(specs[2].id), keys.mesh(MESH_ID))
+    assert rounds(stock, 1) == []  # it may be on its way
+    assert sorted(rounds(stock)) == sorted([specs[2].id, MESH_ID])
+    assert stock.jobs.get(specs[2].id).status is JobStatus.ACCEPTED
+    assert stock.meshes.get(MESH_ID) == mesh_record()
+    assert rounds(stock) == []
+
+
+def test_files_that_belong_to_nothing_are_removed_when_they_are_old(stock: Stock, tmp_path: Path) -> None:
+    spec, young = job_spec(), job_spec()
+    for made in (spec, young):
+        stock.blobs.create(layout.spec(made.id), dump_record(made).encode())
+        stock.blobs.create(layout.withdrawn(made.id), b"")
+    stock.blobs.create(layout.mesh_arrays("mesh_half"), b"")
+    stock.blobs.create(layout.tombstone("job_of_long_ago"), b"")
+    for key in (
+        layout.spec(spec.id),
+        layout.withdrawn(spec.id),
+        layout.mesh_arrays("mesh_half"),
+        layout.tombstone("job_of_long_ago"),
+    ):
+        os.utime(tmp_path / "blobs" / key, (1.0, 1.0))
+    assert rounds(stock) == []
+    assert {stat.key for stat in stock.blobs.list("jobs")} == {
+        layout.spec(young.id),
+        layout.withdrawn(young.id),
+    }
+    assert {stat.key for stat in stock.blobs.list("meshes")} == {layout.mesh_record(MESH_ID)}
+    assert list(stock.blobs.list("tombstones")) == []

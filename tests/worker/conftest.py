@@ -1,0 +1,33 @@
+"""A worker on a folder of its own for each file of tests, and what its long job yields when nothing happens to it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from tests.jobs.examples import job_spec, stone, store_mesh
+from tests.stack import Stack, started_stack
+from tests.worker.observation import (
+    LONG,
+    finished,
+    hashes,
+    processes_of,
+    submitted,
+)
+
+
+@pytest.fixture(scope="module")
+def stack(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stack]:
+    folder = tmp_path_factory.mktemp("worker")
+    with started_stack(folder, workers=1, api=False) as stack:
+        store_mesh(stack.stores.meshes, stack.stores.blobs, stone())
+        assert processes_of(folder)
+        yield stack
+    assert processes_of(folder) == []  # nothing is left behind
+
+
+@pytest.fixture(scope="module")
+def undisturbed(stack: Stack) -> dict[int, str]:
+    """The sha256 of each snapshot of the long job, of a run that nothing happened to."""
+    return hashes(finished(stack, submitted(stack, job_spec(**LONG))))

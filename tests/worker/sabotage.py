@@ -1,0 +1,32 @@
+"""``python -m tests.worker.sabotage``: a real worker that stops working on a signal, for tests of the watchdog.
+
+FETCH_NOTHING: its channels believe that every slot is taken, so that it is connected, turns, and fetches nothing.
+STAND_STILL: its event loop stands still, for good.
+"""
+
+from __future__ import annotations
+
+import signal
+import sys
+import threading
+
+from worker.transport import QoS
+
+FETCH_NOTHING, STAND_STILL = signal.SIGRTMIN + 1, signal.SIGRTMIN + 2  # Celery has the others
+
+
+def _fetch_nothing(*_: object) -> None:
+    QoS.can_consume = lambda _: False
+
+
+def _stand_still(*_: object) -> None:
+    threading.Event().wait()
+
+
+if __name__ == "__main__":
+    from worker.__main__ import OPTIONS
+    from worker.app import app
+
+    signal.signal(FETCH_NOTHING, _fetch_nothing)
+    signal.signal(STAND_STILL, _stand_still)
+    app.worker_main([*OPTIONS, *sys.argv[1:]])

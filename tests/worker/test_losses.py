@@ -1,0 +1,199 @@
+"""Real workers, real runners, a real server, and jobs that lose everything they can lose."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import time
+from pathlib import Path
+
+from spherify.jobs import layout
+from spherify.jobs.cancel import cancel
+from spherify.jobs.codec import dump_record
+from spherify.jobs.model import JobStatus
+from spherify.jobs.results import read_result
+from spherify.stores import keys
+from tests.jobs.examples import ENDLESS, job_spec
+from tests.stack import Stack, wait_for
+from tests.worker.observation import (
+    LONG,
+    actions,
+    check_whole,
+    descendants,
+    finished,
+    finished_after_all,
+    hashes,
+    is_running,
+    log_lines,
+    runner_of,
+    submitted,
+    under_way,
+)
+
+
+def test_a_worker_that_cannot_say_that_it_is_done_goes_on_consuming(stack: Stack) -> None:
+    first = submitted(stack, job_spec(**ENDLESS, snapshots="2"))
+    under_way(stack, first, 2)
+    worker = stack.workers["0"].pid
+    os.kill(worker, signal.SIGSTOP)  # the process that would acknowledge, not the one that ends the job
+    cancel(stack.stores.jobs, stack.stores.blobs, first)
+    finished(stack, first)
+    assert stack.server.pid is not None
+    os.kill(stack.server.pid, signal.SIGKILL)
+    wait_for(lambda: not stack.server.alive)
+    os.kill(worker, signal.SIGCONT)
+    wait_for(lambda: "Couldn't ack" in stack.log("worker-0").read_text())
+    stack.server.start()
+    assert finished(stack, submitted(stack, job_spec(iterations=2))).status is JobStatus.SUCCESSFUL
+    assert stack.workers["0"].pid == worker
+    stack.stores.client.delete(keys.UNACKED, keys.UNACKED_INDEX)  # or it is delivered again in two minutes
+
+
+def test_a_job_whose_message_died_with_its_consumer_is_sent_again(stack: Stack) -> None:
+    stack.stop_worker("0")
+    job_id = submitted(stack, job_spec(iterations=2))
+    message = stack.stores.client.rpop(keys.QUEUE)  # as kombu takes one, and books it as delivered
+    stack.stores.client.hset(keys.UNACKED, "lost", json.dumps([json.loads(str(message)), "", keys.QUEUE]))
+    stack.stores.client.zadd(keys.UNACKED_INDEX, {"lost": time.time()})
+    stack.start_worker("0")
+    assert finished(stack, job_id).status is JobStatus.SUCCESSFUL
+    assert stack.stores.client.hexists(keys.UNACKED, "lost")  # long before the visibility timeout
+    stack.stores.client.delete(keys.UNACKED, keys.UNACKED_INDEX)
+
+
+def test_a_job_recorded_but_never_sent_is_found(stack: Stack) -> None:
+    spec = job_spec(iterations=2)
+    stack.stores.blobs.create(layout.spec(spec.id), dump_record(spec).encode())
+    stack.stores.jobs.add(spec)
+    check_whole(stack, finished(stack, spec.id))
+
+
+def test_a_killed_runner_costs_one_loss_and_no_bytes(stack: Stack, undisturbed: dict[int, str]) -> None:
+    job_id = submitted(stack, job_spec(**LONG))
+    under_way(stack, job_id, 80)
+    os.kill(runner_of(stack, job_id), signal.SIGKILL)
+    job = finished(stack, job_id)
+    check_whole(stack, job)
+    assert (job.attempt, job.losses) == (2, 1)
+    assert hashes(job) == undisturbed
+
+
+def test_a_job_that_kills_its_runner_every_time_fails_after_its_cap(stack: Stack) -> None:
+    job_id = submitted(stack, job_spec(**ENDLESS))
+    killed: set[int] = set()
+
+    def poisoned() -> bool:
+        job = stack.stores.jobs.get(job_id)
+        if job.status is JobStatus.RUNNING and len(log_lines(stack, job_id)) >= 1:
+            runner = runner_of(stack, job_id)
+            if runner not in killed:
+                killed.add(runner)
+                os.kill(runner, signal.SIGKILL)
+        return job.status.done
+
+    wait_for(poisoned, limit_s=60)
+    job = stack.stores.jobs.get(job_id)
+    assert (job.status, job.losses, job.attempt) == (JobStatus.FAILED, 4, 4)
+    assert job.error is not None
+    assert job.error.code == "worker-lost"
+    result = wait_for(lambda: read_result(stack.stores.blobs, job_id))  # by the reconciler
+    assert result is not None
+    assert (result.outcome.status, result.outcome.error) == (JobStatus.FAILED, job.error)
+    assert tuple(result.snapshots) == job.snapshots
+
+
+def test_a_killed_worker_leaves_nothing_and_another_ends_its_job_with_the_same_bytes(
+    stack: Stack, undisturbed: dict[int, str]
+) -> None:
+    job_id = submitted(stack, job_spec(**LONG))
+    under_way(stack, job_id, 80)
+    family = descendants(stack.workers["0"].pid, "worker")
+    assert runner_of(stack, job_id) in family
+    stack.stop_worker("0", signal.SIGKILL)
+    wait_for(lambda: not any(map(is_running, family)), what="the end of its pool and its runners")
+    stack.start_worker("0")
+    job = finished(stack, job_id)
+    check_whole(stack, job)
+    assert (job.attempt, job.losses) == (2, 1)
+    assert hashes(job) == undisturbed
+
+
+def test_a_worker_that_is_stopped_hands_its_job_on(stack: Stack, undisturbed: dict[int, str]) -> None:
+    job_id = submitted(stack, job_spec(**LONG))
+    under_way(stack, job_id, 80)
+    assert stack.stop_worker("0") == 0
+    job = stack.stores.jobs.get(job_id)
+    assert (job.status, job.losses) == (JobStatus.ACCEPTED, 0)
+    assert job_id in stack.stores.queue.pending()
+    stack.start_worker("0")
+    job = finished(stack, job_id)
+    check_whole(stack, job)
+    assert (job.attempt, job.losses) == (2, 0)
+    assert hashes(job) == undisturbed
+
+
+def test_a_worker_whose_runner_is_deaf_is_stopped_in_time_and_hands_its_job_on(
+    stack: Stack, undisturbed: dict[int, str]
+) -> None:
+    job_id = submitted(stack, job_spec(**LONG))
+    under_way(stack, job_id, 40)
+    os.kill(runner_of(stack, job_id), signal.SIGSTOP)  # as in a long call of a library
+    worker = stack.workers.pop("0")
+    worker.send_signal(signal.SIGTERM)
+    assert worker.wait(10) == 0
+    job = stack.stores.jobs.get(job_id)
+    assert (job.status, job.losses) == (JobStatus.ACCEPTED, 0)
+    stack.start_worker("0")
+    job = finished(stack, job_id)
+    check_whole(stack, job)
+    assert (job.attempt, job.losses) == (2, 0)
+    assert hashes(job) == undisturbed
+
+
+def test_everything_comes_back_after_the_server_forgot_it(stack: Stack, undisturbed: dict[int, str]) -> None:
+    done = finished(stack, submitted(stack, job_spec(iterations=4)))
+    wait_for(lambda: not stack.stores.jobs.unsettled())
+    running = submitted(stack, job_spec(**LONG))
+    waiting = submitted(stack, job_spec(iterations=2))
+    under_way(stack, running, 40)
+    stack.stores.client.flushall()
+    for job_id in (running, waiting):
+        job = finished_after_all(stack, job_id)
+        check_whole(stack, job)
+        assert job.losses == 0
+        assert job.token > 10**12
+    assert hashes(stack.stores.jobs.get(running)) == undisturbed
+    again = stack.stores.jobs.get(done.id)
+    assert (again.status, again.snapshots, again.progress) == (done.status, done.snapshots, done.progress)
+
+
+def test_a_worker_that_sleeps_through_its_lease_is_fenced(stack: Stack, undisturbed: dict[int, str]) -> None:
+    job_id = submitted(stack, job_spec(**LONG))
+    under_way(stack, job_id, 40)
+    sleeper = runner_of(stack, job_id)
+    supervisor = int(Path(f"/proc/{sleeper}/stat").read_text().rpartition(")")[2].split()[1])
+    os.kill(supervisor, signal.SIGSTOP)
+    try:
+        stack.start_worker("other")
+        job = finished(stack, job_id)
+    finally:
+        os.kill(supervisor, signal.SIGCONT)
+    wait_for(lambda: any(line["action"] == "fenced" for line in log_lines(stack, job_id)))
+    wait_for(lambda: not is_running(sleeper))
+    check_whole(stack, job)
+    assert (job.attempt, job.losses) == (2, 1)
+    assert hashes(job) == undisturbed
+    assert stack.stores.jobs.get(job_id) == job  # the sleeper wrote nothing
+    stack.stop_worker("other")
+
+
+def test_a_worker_that_died_between_file_and_record_is_made_up_for(stack: Stack) -> None:
+    first = finished(stack, submitted(stack, job_spec(iterations=4)))
+    text = stack.stores.blobs.read(layout.result(first.id))
+    spec = job_spec(iterations=4)
+    stack.stores.blobs.create(layout.result(spec.id), text.replace(first.id.encode(), spec.id.encode()))
+    job = finished(stack, submitted(stack, spec))
+    assert (job.status, job.attempt) == (JobStatus.SUCCESSFUL, 1)
+    assert hashes(job) == hashes(first)
+    wait_for(lambda: actions(stack, job.id) == ["adopt", "commit"])
