@@ -47,21 +47,30 @@ class RedisMeshStore:
         before = mesh_cursor(cursor)
         require_complete(self._client)
         found: list[MeshRecord] = []
-        offset = 0
         while True:
-            with reachable(), self._client.pipeline(transaction=False) as pipe:
-                pipe.zrevrangebyscore(keys.MESHES, before[0], "-inf", offset, _CHUNK, withscores=True)
-                entries = pipe.execute()[0]
-            ids = [mesh_id for mesh_id, created in entries if (created, mesh_id) < before]
+            entries, more = self._below(before)
             with reachable():
-                texts = self._client.mget([keys.mesh(i) for i in ids]) if ids else []
+                texts = self._client.mget([keys.mesh(mesh_id) for _, mesh_id in entries]) if entries else []
             found += [load_mesh_record(text) for text in texts if text is not None]
             if len(found) > limit:
                 last = found[limit - 1]
                 return Page(tuple(found[:limit]), f"{last.created_at!r}~{last.id}")
-            if len(entries) < _CHUNK:
+            if not more:
                 return Page(tuple(found), None)
-            offset += _CHUNK
+            before = entries[-1]
+
+    def _below(self, before: tuple[float, str]) -> tuple[list[tuple[float, str]], bool]:
+        """Return the next entries (time, id) below one, newest first, and whether there may be more.
+
+        By place and not by offset, which meshes that come and go meanwhile would shift.
+        """
+        moment = repr(before[0])
+        with reachable(), self._client.pipeline(transaction=True) as pipe:
+            pipe.zrevrangebyscore(keys.MESHES, moment, moment, withscores=True)
+            pipe.zrevrangebyscore(keys.MESHES, f"({moment}", "-inf", 0, _CHUNK, withscores=True)
+            same, older = pipe.execute()
+        entries = [(created, mesh_id) for mesh_id, created in (*same, *older)]
+        return [entry for entry in entries if entry < before], len(older) == _CHUNK
 
     def delete(self, mesh_id: str) -> None:
         """Forget a mesh; raises `MeshInUseError` while any job names it, `MeshNotFoundError`."""

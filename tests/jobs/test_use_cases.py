@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from spherify.jobs import layout
+from spherify.jobs import layout, reconcile
 from spherify.jobs.cancel import cancel
 from spherify.jobs.codec import load_spec
 from spherify.jobs.delete import delete_job, delete_mesh
@@ -336,6 +336,43 @@ def test_files_that_cannot_be_removed_do_not_keep_others_from_being_settled(worl
         world.jobs.request_cancel(spec.id)
     assert settled(world) == (specs[1].id,)
     assert world.jobs.unsettled() == [specs[0].id]
+
+
+def test_what_is_wrong_with_one_job_or_one_part_of_a_scan_is_not_in_the_way_of_the_others(
+    world: World,
+) -> None:
+    class Broken(MemoryBlobStore):
+        def list(self, prefix: str) -> Iterator[BlobStat]:
+            if prefix == layout.checkpoints(ended[0].id):
+                raise ZeroDivisionError  # whatever it is
+            return super().list(prefix)
+
+        def scratch(self) -> Path:
+            raise ZeroDivisionError
+
+    ended, lost = [job_spec(), job_spec()], job_spec()
+    world.blobs = Broken(world.blobs.scratch())
+    for spec in (*ended, lost):
+        submit(world.jobs, world.blobs, world.queue, spec)
+    for spec in ended:
+        world.jobs.request_cancel(spec.id)
+    world.jobs.claim(lost.id, "w")
+    world.now[0] += 31
+    scan = Reconciler(world.stock, orphan_s=15).scan()
+    assert (scan.lost, scan.settled, scan.swept) == ((lost.id,), (ended[1].id,), ())
+
+
+def test_a_scan_settles_some_and_the_next_ones_the_rest(
+    world: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(reconcile, "_SETTLED", 2)
+    specs = [job_spec() for _ in range(5)]
+    for spec in specs:
+        submit(world.jobs, world.blobs, world.queue, spec)
+        world.jobs.request_cancel(spec.id)
+    reconciler = Reconciler(world.stock, orphan_s=15)
+    ids = sorted(spec.id for spec in specs)
+    assert [reconciler.scan().settled for _ in range(3)] == [tuple(ids[:2]), tuple(ids[2:4]), tuple(ids[4:])]
 
 
 def test_settling_touches_nothing_that_goes_on_or_is_unknown(world: World) -> None:

@@ -5,6 +5,7 @@ import redis
 
 from spherify.jobs.errors import InvalidCursorError, MeshInUseError, MeshNotFoundError
 from spherify.jobs.ports import JobStore, MeshStore
+from spherify.stores import keys, redis_meshes
 from spherify.stores.memory import MemoryJobStore
 from spherify.stores.memory_meshes import MemoryMeshStore
 from spherify.stores.redis_jobs import RedisJobStore
@@ -57,6 +58,28 @@ def test_pages_are_newest_first_and_complete_even_at_one_moment(stores: Stores) 
     assert cursor is None
     assert seen == [mesh_id(number) for number in (6, 5, 4, 3, 2, 1, 0)]
     assert meshes.find(limit=7).next_cursor is None
+
+
+def test_meshes_that_come_and_go_while_a_page_is_read_hide_no_other(
+    client: redis.Redis, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(redis_meshes, "_CHUNK", 3)
+    meshes = RedisMeshStore(client)
+    for number in range(12):
+        meshes.add(mesh_record(mesh_id(number), created_at=float(number)))
+    below = meshes._below
+
+    def busy(before: tuple[float, str]) -> tuple[list[tuple[float, str]], bool]:
+        found = below(before)
+        if not found[0]:
+            return found
+        newest = found[0][-1][1]
+        client.zrem(keys.MESHES, newest)  # the last one read goes, and others come
+        meshes.add(mesh_record(f"mesh_new{newest[-18:]}", created_at=before[0] if before[0] < 99 else 98.0))
+        return found
+
+    monkeypatch.setattr(meshes, "_below", busy)
+    assert [mesh.id for mesh in meshes.find().items] == [mesh_id(number) for number in range(11, -1, -1)]
 
 
 def test_a_mesh_goes_when_no_job_names_it(stores: Stores) -> None:
