@@ -3,10 +3,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from spherify.formats import write_mesh
+from spherify.formats import text, write_mesh
 from spherify.formats.errors import TooLargeError, UnreadableError
 from spherify.formats.limits import ReadLimits
 from spherify.formats.readers.stl import is_binary, read_stl
+from spherify.geometry.samples import SAMPLES
 from tests.formats.shapes import CUBE_CORNERS, CUBE_FACES, LIMITS, cube
 
 BINARY = write_mesh(cube(), "stl")
@@ -36,6 +37,27 @@ def test_variants_of_one_cube_read_alike(variant: bytes):
     raw = read_stl(variant, LIMITS)
     assert np.array_equal(raw.vertices, CUBE_CORNERS[CUBE_FACES].reshape(-1, 3))
     assert np.array_equal(raw.faces.reshape(-1), np.arange(36))
+
+
+def test_long_texts_read_alike_wherever_they_are_cut_and_however_odd_one_facet_is(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    """Facets are read many at once where they are regular; the cuts between blocks fall anywhere in one."""
+    mesh = SAMPLES["stone"].build(600)
+    expected = mesh.vertices[mesh.faces].reshape(-1, 3).astype(np.float32)
+    whole = write_mesh(mesh, "stl", ascii=True)
+    middle = whole.index(b"vertex", len(whole) // 2)
+    commented = whole[:middle] + b"# odd\n" + whole[middle:]
+    for block in (1 << 22, 40_001, 777):
+        monkeypatch.setattr(text, "_BLOCK", block)
+        for data in (whole, commented, whole.replace(b"\nvertex", b"\n      vertex"), whole.upper()):
+            assert np.array_equal(read_stl(data, LIMITS).vertices.astype(np.float32), expected)
+
+
+def test_corners_do_not_lend_each_other_numbers():
+    odd = FACET.replace(b"vertex 0 0 0", b"vertex 0 0 0 7").replace(b"vertex 1 0 0", b"vertex 1 0")
+    with pytest.raises(UnreadableError, match="Line 5: a vertex needs 3 coordinates, but there are 2"):
+        read_stl(b"solid x\n" + odd, LIMITS)
 
 
 def test_only_a_file_of_just_the_right_size_is_binary():
