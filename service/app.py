@@ -19,7 +19,7 @@ from service.context import Services, Stores
 from service.description import DESCRIPTION, TAGS, describe
 from service.logs import set_up as set_up_logs
 from service.middleware import EXPOSED, REQUEST_ID, Cors, ErrorGuard, RequestContext
-from service.routes import arrays, events, jobs, meshes, pages, service, snapshots
+from service.routes import arrays, continuations, events, jobs, meshes, pages, service, snapshots
 from service.stopping import on_stop
 from spherify import __version__
 from spherify.settings import Settings
@@ -69,7 +69,7 @@ def create_app(settings: Settings | None = None, stores: Stores | None = None) -
         middleware=_middleware(settings),
     )
     app.state.services = services
-    for part in (jobs, events, snapshots, arrays, meshes, service, pages):
+    for part in (jobs, continuations, events, snapshots, arrays, meshes, service, pages):
         app.include_router(part.router)
     app.state.methods_at = _methods_at(app)
     add_handlers(app)

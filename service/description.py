@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 from fastapi.openapi.utils import get_openapi
 from pydantic.json_schema import models_json_schema
 
+from service.extending import ExtendRequest
 from service.requests import JobRequest
 from service.schemas import ProblemOut
 
@@ -58,7 +59,8 @@ def describe(app: FastAPI) -> dict[str, Any]:
 def _mended(document: dict[str, Any]) -> dict[str, Any]:
     """Add the models that routes read or write themselves, and take out what FastAPI adds of its own accord."""
     _, models = models_json_schema(
-        [(JobRequest, "validation"), (ProblemOut, "serialization")], ref_template=_REF
+        [(JobRequest, "validation"), (ExtendRequest, "validation"), (ProblemOut, "serialization")],
+        ref_template=_REF,
     )
     schemas = document["components"]["schemas"] | models["$defs"]
     for name in ("HTTPValidationError", "ValidationError"):

@@ -30,6 +30,7 @@ EXPOSED: Final = (
     "Accept-Ranges",
     "Allow",
     "Idempotent-Replayed",
+    "Preference-Applied",
     REQUEST_ID,
 )
 _ID: Final = re.compile(r"[A-Za-z0-9._-]{1,64}")

@@ -103,7 +103,15 @@ PROBLEMS: Final[dict[str, ProblemType]] = {
             "job-not-finished",
             409,
             "The job is not finished",
-            "Only finished jobs can be deleted: cancel it, wait until `done` is true, then delete it.",
+            "Only finished jobs can be deleted, extended or retried, and only they have an archive: cancel it or wait "
+            "until `done` is true, then ask again.",
+        ),
+        ProblemType(
+            "job-cannot-go-on",
+            409,
+            "Going on would lead nowhere else",
+            "The job ended in a way that more iterations or another attempt would only repeat (it converged, stalled "
+            "or collapsed), or it succeeded and needs no retry. Submit its mesh with other parameters.",
         ),
         ProblemType(
             "mesh-in-use",

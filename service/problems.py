@@ -19,6 +19,7 @@ from spherify.geometry.errors import InvalidConfigError
 from spherify.jobs.errors import (
     BlobNotFoundError,
     InvalidCursorError,
+    JobCannotGoOnError,
     JobGoneError,
     JobNotFinishedError,
     JobNotFoundError,
@@ -132,6 +133,7 @@ _DOMAIN: Final[tuple[tuple[type[Exception], str], ...]] = (
     (MeshNotFoundError, "not-found"),
     (BlobNotFoundError, "not-found"),
     (JobNotFinishedError, "job-not-finished"),
+    (JobCannotGoOnError, "job-cannot-go-on"),
     (MeshInUseError, "mesh-in-use"),
     (KeyReusedError, "idempotency-key-reused"),
     (RequestInProgressError, "idempotency-in-progress"),

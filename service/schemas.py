@@ -12,6 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from service.snapshots import best_iteration
 from spherify.formats import FORMATS_OUT
 from spherify.geometry.fields import FIELDS
+from spherify.jobs.continuation import may_be_extended, may_be_retried
 from spherify.jobs.model import Job, JobStatus, MeshRecord, Snapshot
 from spherify.parameters import Parameters, stored_parameters
 
@@ -126,6 +127,9 @@ class JobOut(Answer):
 
     id: str = Field(examples=["job_01K5Z9Q8M4T6V2X0Y7R3N1W5BC"])
     mesh_id: str
+    parent_id: str | None = Field(
+        description="The job this one goes on from; null if it began with its mesh."
+    )
     name: str
     tags: list[str]
     status: JobStatus
@@ -264,6 +268,7 @@ def job_out(job: Job) -> JobOut:
     return JobOut(
         id=job.id,
         mesh_id=job.spec.mesh_id,
+        parent_id=job.spec.parent_id,
         name=job.spec.name,
         tags=list(job.spec.tags),
         status=job.status,
@@ -310,8 +315,14 @@ def _job_links(job: Job) -> dict[str, str]:
         "events": f"{path}/events",
         "topology": f"{path}/topology",
     }
+    if job.spec.parent_id is not None:
+        links["parent"] = f"/v1/jobs/{job.spec.parent_id}"
     if not job.status.done:
         links["cancel"] = f"{path}/cancel"
+    if may_be_extended(job):
+        links["extend"] = f"{path}/extend"
+    if may_be_retried(job):
+        links["retry"] = f"{path}/retry"
     if job.snapshots:
         links["latest"] = f"{path}/snapshots/latest"
     if best_iteration(job) is not None:

@@ -12,17 +12,18 @@ from fastapi import APIRouter, Query, Request, Response
 
 from service import documentation as doc
 from service.context import Context, Services
-from service.delivery import json_answer
+from service.delivery import json_answer, matches
 from service.forms import FORM, media_type, multipart
 from service.identifiers import JobId
+from service.job_answers import job_answer, job_etag
 from service.paging import DEFAULT_LIMIT, Cursor, Limit, link_header, links
 from service.problems import ProblemError, invalid
 from service.queries import KNOWN_QUERY
 from service.repeats import IDEMPOTENT, once
 from service.requests import TAG, JobPlan, JobRequest, parse_allow, parse_form, parse_json, plan, plan_form
 from service.schemas import JobOut, PageOut, job_out
-from service.snapshots import retry_after_s
 from service.uploads import small_body
+from service.waiting import PREFER, Wait, after_waiting, awaited
 from spherify.jobs.cancel import cancel
 from spherify.jobs.delete import delete_job
 from spherify.jobs.errors import MeshNotFoundError, StoreUnavailableError
@@ -34,14 +35,6 @@ router = APIRouter(prefix="/v1/jobs", tags=["Jobs"])
 log = logging.getLogger(__name__)
 MAX_JSON_BYTES = 1024 * 1024
 NO_MESH = "mesh_of_this_form"  # stands in for the id until the file has been read
-
-
-def _answer(request: Request, job: Job, status: HTTPStatus = HTTPStatus.OK) -> Response:
-    position = "" if job.queue_position is None else f".{job.queue_position}"  # moves without a revision
-    headers = {} if job.status.done else {"Retry-After": str(retry_after_s(job))}
-    if status == HTTPStatus.CREATED:
-        headers["Location"] = f"/v1/jobs/{job.id}"
-    return json_answer(request, job_out(job), status=status, etag=f'W/"{job.rev}{position}"', headers=headers)
 
 
 def _submit(services: Services, spec: JobSpec) -> Job:
@@ -62,7 +55,7 @@ def _submit_known(services: Services, planned: JobPlan, asked: JobRequest, job_i
 @router.post(
     "",
     operation_id="createJob",
-    dependencies=[KNOWN_QUERY, IDEMPOTENT],
+    dependencies=[KNOWN_QUERY, IDEMPOTENT, PREFER],
     summary="Morph a mesh",
     status_code=HTTPStatus.CREATED,
     response_model=JobOut,
@@ -93,9 +86,10 @@ async def create_job(request: Request, context: Context) -> Response:
         text = await small_body(request, MAX_JSON_BYTES, context.settings.upload_timeout_s)
         asked = parse_json(text)
         planned = plan(asked, context.settings)
-        return await _on_known_mesh(request, context, planned, asked, "#/mesh_id")
+        answer = await _on_known_mesh(request, context, planned, asked, "#/mesh_id")
+        return await after_waiting(request, context, answer)
     if kind == FORM:
-        return await _from_form(request, context)
+        return await after_waiting(request, context, await _from_form(request, context))
     raise ProblemError(
         "unsupported-media-type", f"send multipart/form-data or application/json, not {kind!r}"
     )
@@ -106,7 +100,7 @@ async def _on_known_mesh(
 ) -> Response:
     async def act(job_id: str) -> Response:
         job = await to_thread.run_sync(_submit_known, services, planned, asked, job_id, pointer)
-        return _answer(request, job, HTTPStatus.CREATED)
+        return job_answer(request, job, HTTPStatus.CREATED)
 
     content = [asked.mesh_id, planned.as_dict()]
     return await once(request, services.stores.repeats, content, act)
@@ -128,7 +122,7 @@ async def _from_form(request: Request, services: Services) -> Response:
                 job = await to_thread.run_sync(_submit, services, spec)
             except MeshNotFoundError as e:
                 raise StoreUnavailableError("this mesh was deleted at the same moment: send it again") from e
-            return _answer(request, job, HTTPStatus.CREATED)
+            return job_answer(request, job, HTTPStatus.CREATED)
 
         content = [file.sha256, file.name, sorted(allow), planned.as_dict()]
         return await once(request, services.stores.repeats, content, act)
@@ -176,6 +170,7 @@ def list_jobs(
 @router.get(
     "/{job_id}",
     operation_id="getJob",
+    dependencies=[KNOWN_QUERY],
     summary="Look at a job",
     response_model=JobOut,
     responses={
@@ -184,12 +179,24 @@ def list_jobs(
             "description": "Nothing has changed (`If-None-Match`).",
             "headers": doc.ETAG,
         },
-        **doc.problems("not-found", "gone", *doc.STORES),
+        **doc.problems("not-found", "gone", "invalid-parameters", *doc.STORES),
     },
 )
-def get_job(request: Request, context: Context, job_id: JobId) -> Response:
-    """Return the job as it is now. Ask again after `Retry-After` seconds, with the ETag as `If-None-Match`."""
-    return _answer(request, context.stores.jobs.get(job_id))
+async def get_job(request: Request, context: Context, job_id: JobId, wait: Wait = 0) -> Response:
+    """Return the job as it is now. Ask again after `Retry-After` seconds, with the ETag as `If-None-Match`.
+
+    With `wait` the answer comes as soon as the job is done; with `If-None-Match` too, as soon as it has changed.
+    """
+    job = await to_thread.run_sync(context.stores.jobs.get, job_id)
+    if wait > 0:
+        known = request.headers.get("if-none-match") is not None
+        job = await awaited(
+            context.watch,
+            job,
+            wait,
+            lambda seen: not matches(request, job_etag(seen)) if known else seen.status.done,
+        )
+    return job_answer(request, job)
 
 
 @router.post(
@@ -219,7 +226,7 @@ def cancel_job(request: Request, context: Context, job_id: JobId) -> Response:
             if job.status.done
             else f"{job_id} is just ending: it is too late to cancel it",
         )
-    return _answer(
+    return job_answer(
         request, job, HTTPStatus.ACCEPTED if outcome is CancelOutcome.CANCELLING else HTTPStatus.OK
     )
 

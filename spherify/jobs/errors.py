@@ -12,6 +12,7 @@ JobsError
 │   └── BlobNotFoundError
 ├── ConflictError
 │   ├── JobNotFinishedError
+│   ├── JobCannotGoOnError
 │   ├── MeshInUseError
 │   ├── KeyReusedError
 │   └── RequestInProgressError
@@ -65,6 +66,10 @@ class ConflictError(JobsError):
 
 class JobNotFinishedError(ConflictError):
     """The job is not finished: cancel it first."""
+
+
+class JobCannotGoOnError(ConflictError):
+    """Going on from where this job ended would lead nowhere else."""
 
 
 class MeshInUseError(ConflictError):

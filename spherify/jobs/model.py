@@ -105,6 +105,7 @@ class JobSpec:
     Attributes:
         parameters: every parameter, resolved: the JSON form of `spherify.parameters.Parameters`.
         snapshots_requested: iterations at which a state is kept, ascending, 0 and the last one included.
+        parent_id: the job this one goes on from, None if it began with its mesh.
 
     """
 
@@ -116,6 +117,7 @@ class JobSpec:
     parameters: dict[str, Any]
     snapshots_requested: tuple[int, ...]
     created_at: float
+    parent_id: str | None = None
 
 
 @dataclass(frozen=True, slots=True)

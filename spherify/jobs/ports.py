@@ -33,6 +33,10 @@ class BlobStore(Protocol):
         """Store under a new key; raises `BlobExistsError`, `StorageFullError`. Durable on return."""
         ...
 
+    def copy(self, source: str, key: str) -> BlobStat:
+        """Store what lies under one key under a new one as well; raises as `create` does, `BlobNotFoundError`."""
+        ...
+
     def adopt(self, key: str, path: Path) -> BlobStat:
         """Move a finished file of `scratch` in under a new key; raises as `create` does."""
         ...

@@ -46,6 +46,18 @@ class FolderBlobStore:
         finally:
             temporary.unlink(missing_ok=True)
 
+    def copy(self, source: str, key: str) -> BlobStat:
+        """Store what lies under one key under a new one as well, by a second link: blobs never change."""
+        path, target = self._path(source), self._path(key)
+        with _full(key):
+            try:
+                self._link(path, target, key)
+            except FileNotFoundError as e:
+                raise BlobNotFoundError(f"there is no blob {source}") from e
+            with suppress(FileNotFoundError):  # deleted already, and the folder with it
+                _sync(target.parent)
+        return _stat(key, path)
+
     def adopt(self, key: str, path: Path) -> BlobStat:
         """Move a finished file of `scratch` in under a new key; raises as `create` does."""
         target = self._path(key)

@@ -32,6 +32,10 @@ class MemoryBlobStore:
             self._blobs[key] = (content, time.time())
             return BlobStat(key, len(content), self._blobs[key][1])
 
+    def copy(self, source: str, key: str) -> BlobStat:
+        """Store what lies under one key under a new one as well; raises as `create` does, `BlobNotFoundError`."""
+        return self.create(key, self.read(source))
+
     def adopt(self, key: str, path: Path) -> BlobStat:
         """Move a finished file in under a new key; raises as `create` does."""
         stat = self.create(key, path.read_bytes())

@@ -172,3 +172,15 @@ def test_the_folder_shows_no_half_written_names(tmp_path: Path) -> None:
 
     blobs.create("a/b", chunks())
     assert blobs.read("a/b") == b"halfwhole"
+
+
+def test_a_copy_is_a_blob_of_its_own(blobs: BlobStore) -> None:
+    blobs.create("a/one", b"content")
+    assert blobs.copy("a/one", "b/two").size == 7
+    with pytest.raises(BlobExistsError):
+        blobs.copy("a/one", "b/two")
+    with pytest.raises(BlobNotFoundError):
+        blobs.copy("a/none", "b/three")
+    blobs.delete("a/one")
+    assert blobs.read("b/two") == b"content"
+    assert [stat.key for stat in blobs.list("")] == ["b/two"]
