@@ -12,7 +12,7 @@ from spherify.stores import keys
 from spherify.stores.client import Scripts, reachable
 
 KEPT_S: Final = 24 * 3600
-BUSY_S: Final = 60.0  # then whoever took the request up is dead, or so slow that its identity must do
+BUSY_S: Final = 10.0  # then whoever took it up is dead, or slow: doing it twice under one identity is harmless
 
 
 class RedisRepeatStore:

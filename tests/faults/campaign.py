@@ -9,14 +9,16 @@ from __future__ import annotations
 import random
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from time import monotonic
 from typing import Final
 
 from spherify.jobs.errors import JobsError, StoreUnavailableError
 from spherify.jobs.layout import numbers
+from tests.faults.chaos import ChaosProxy
 from tests.faults.injectors import Injectors
 from tests.faults.ledger import Ledger, Verdict, assert_no_zombies, judge
 from tests.faults.logs import Logs
@@ -46,6 +48,7 @@ class Campaign:
     logs: Logs
     rng: random.Random
     workers: int
+    worker_environment: Mapping[str, str]
     figures: dict[str, float] = field(default_factory=dict)
 
     def run(
@@ -75,7 +78,7 @@ class Campaign:
         finally:
             self._measure(jobs, len(done), monotonic() - began)
         for job_id in self.ledger.acknowledged:  # a job that was done may have lost its record since
-            wait_for(lambda job_id=job_id: self._is_done(job_id), limit_s=30, what=f"the record of {job_id}")
+            wait_for(partial(self._is_done, job_id), limit_s=60, what=f"the record of {job_id}")
         return judge(self.ledger, self.logs)
 
     def _tend(self) -> None:
@@ -83,7 +86,7 @@ class Campaign:
         self.injectors.do_what_is_due()
         for number in range(self.workers):
             if (process := self.stack.workers.get(str(number))) is None or process.poll() is not None:
-                self.stack.launch_worker(str(number))
+                self.stack.launch_worker(str(number), environment=self.worker_environment)
 
     def _is_done(self, job_id: str) -> bool:
         try:
@@ -131,14 +134,29 @@ def campaign(
     *,
     workers: int = 2,
     environment: Mapping[str, str] = SHORT,
+    through_proxy: bool = False,
     say: Callable[[str], object] = print,
 ) -> Iterator[Campaign]:
-    """Start a stack for one campaign; at the end nothing of it may be left."""
+    """Start a stack for one campaign; at the end nothing of it may be left.
+
+    Args:
+        folder: for everything.
+        seed: of the order of the faults, and of whom they hit.
+        workers: kept running.
+        environment: settings of all programs.
+        through_proxy: lets the workers reach the server through a proxy, for the fault ``half_open``.
+        say: told the figures at the end.
+
+    """
     rng = random.Random(seed)
-    with started_stack(folder, workers=workers, environment=environment) as stack:
+    with ExitStack() as exits:
+        stack = exits.enter_context(started_stack(folder, workers=0, environment=environment))
+        proxy = exits.enter_context(ChaosProxy(stack.server.url)) if through_proxy else None
         logs = Logs(folder)
         ledger = Ledger(stack.url)
-        one = Campaign(stack, ledger, Injectors(stack, logs, rng), logs, rng, workers)
+        through = {"REDIS_URL": proxy.url} if proxy is not None else {}
+        injectors = Injectors(stack, logs, rng, proxy)
+        one = Campaign(stack, ledger, injectors, logs, rng, workers, through)
         try:
             yield one
         finally:

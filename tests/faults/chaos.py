@@ -6,6 +6,7 @@ import socket
 import threading
 from types import TracebackType
 from typing import Self
+from urllib.parse import unquote, urlsplit
 
 
 class ChaosProxy:
@@ -16,7 +17,8 @@ class ChaosProxy:
     """
 
     def __init__(self, target: str) -> None:
-        self._target = target
+        """Begin; `target` is the address of the server, ``unix:///…``."""
+        self._target = unquote(urlsplit(target).path)
         self._listener = socket.create_server(("127.0.0.1", 0))
         self._live: set[threading.Event] = set()  # one a connection: set while it passes bytes on
         self._sockets: list[socket.socket] = []

@@ -12,6 +12,7 @@ from typing import Final
 
 from spherify.jobs.errors import StoreUnavailableError
 from spherify.jobs.model import Job, JobStatus
+from tests.faults.chaos import ChaosProxy
 from tests.faults.logs import Logs
 from tests.processes import below
 from tests.stack import Stack
@@ -36,6 +37,7 @@ class Injectors:
     stack: Stack
     logs: Logs
     rng: random.Random
+    proxy: ChaosProxy | None = None
     hits: list[Hit] = field(default_factory=list)
     later: list[tuple[float, Callable[[], object]]] = field(default_factory=list)
 
@@ -109,6 +111,13 @@ class Injectors:
         self._note(fault, pid, None)
         os.kill(pid, number)
         self.later.append((time.monotonic() + DOWN_S, self.stack.server.start))
+        return True
+
+    def _half_open(self) -> bool:
+        """Let the workers' connections fall silent without an end, as a dropped address translation does."""
+        if self.proxy is None or self.proxy.half_open() == 0:
+            return False
+        self._note("half_open", 0, None)
         return True
 
     def _flush(self) -> bool:

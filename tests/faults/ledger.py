@@ -43,7 +43,7 @@ class Ledger:
         except httpx.TransportError:  # the service is being killed
             self.unanswered += 1
             return None
-        if answer.status_code == httpx.codes.SERVICE_UNAVAILABLE:
+        if answer.status_code in {httpx.codes.SERVICE_UNAVAILABLE, httpx.codes.CONFLICT}:  # or still at it
             assert "retry-after" in answer.headers
             self.unanswered += 1
             return None
