@@ -6,7 +6,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
 MAKEFLAGS += --no-print-directory
 .DEFAULT_GOAL := help
-.PHONY: help setup setup-dev lint format test bench openapi demo up lock clean
+.PHONY: help setup setup-dev lint format test drills bench openapi demo up lock clean
 
 help: ## list the verbs
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-10s %s\n", $$1, $$2}'
@@ -42,6 +42,9 @@ format: setup-dev ## rewrite in the house format
 
 test: setup-dev ## set up, then every test
 	$(BIN)/python -m pytest --numprocesses auto --dist worksteal $(ARGS)
+
+drills: setup-dev ## faults at their full numbers, up to hours; ARGS="-k campaign" for one of them
+	$(BIN)/python -m pytest tests/faults -m drill -s $(ARGS)
 
 bench: setup-dev ## measure a step against vtkCurvatures with numpy, as ratios in one run
 	$(BIN)/python -m benchmarks

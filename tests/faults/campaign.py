@@ -7,8 +7,9 @@ a slow machine sees the same campaign as a quick one. Their order and their vict
 from __future__ import annotations
 
 import random
+import sys
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from functools import partial
@@ -127,6 +128,11 @@ class Campaign:
         return len({numbers(snapshot.key)[0] for snapshot in job.snapshots}) > 1
 
 
+def say(sentence: str) -> None:
+    """Tell whoever watches a drill."""
+    sys.stderr.write(f"{sentence}\n")
+
+
 @contextmanager
 def campaign(
     folder: Path,
@@ -135,7 +141,6 @@ def campaign(
     workers: int = 2,
     environment: Mapping[str, str] = SHORT,
     through_proxy: bool = False,
-    say: Callable[[str], object] = print,
 ) -> Iterator[Campaign]:
     """Start a stack for one campaign; at the end nothing of it may be left.
 
@@ -145,7 +150,6 @@ def campaign(
         workers: kept running.
         environment: settings of all programs.
         through_proxy: lets the workers reach the server through a proxy, for the fault ``half_open``.
-        say: told the figures at the end.
 
     """
     rng = random.Random(seed)

@@ -1,4 +1,4 @@
-"""Rows 1, 2, 4, 6 and 9 of docs/durability.md: jobs under kills of everything there is, a few in each test.
+"""Rows 1, 2, 4, 6, 7 and 9 of docs/durability.md: jobs under kills of everything there is, a few in each test.
 
 `make drills` has the full numbers.
 """
@@ -25,6 +25,7 @@ LIMIT_S = 200  # on a machine that does much else
         pytest.param(2, {"kill_runner": 4, "kill_child": 3}, id="children-and-runners-killed"),
         pytest.param(4, {"kill_broker": 2, "stop_broker": 1}, id="broker-killed-and-stopped"),
         pytest.param(6, {"freeze_worker": 2, "half_open": 2}, id="frozen-and-half-open"),
+        pytest.param(7, {"flush": 2}, id="records-flushed"),
         pytest.param(9, {"stop_worker": 4}, id="workers-restarted"),
     ],
 )

@@ -1,0 +1,260 @@
+"""What takes too long, or too much of the machine, for every day: `make drills` (`ARGS="-k campaign"` for one).
+
+Rows 1 to 7, 14, 15, 16, 18 and 23 of docs/durability.md at their full numbers. Figures are printed.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import httpx
+import pytest
+
+from tests.faults.campaign import SHORT, campaign, say
+from tests.faults.chaos import ChaosProxy
+from tests.faults.ledger import Ledger, Verdict, judge
+from tests.faults.logs import Logs
+from tests.faults.polling import Clients
+from tests.faults.specimens import Specimen
+from tests.stack import ROOT, Stack, started_stack, wait_for
+
+pytestmark = [pytest.mark.drill, pytest.mark.timeout(4 * 3600)]
+CLOCK = Path(__file__).parent / "clock"
+SOAK_S = float(os.environ.get("DRILL_SOAK_S", "7200"))
+EVERYTHING = {"kill_worker": 20, "kill_child": 10, "kill_runner": 10, "kill_broker": 5, "flush": 3}
+
+
+def test_campaign_of_200_jobs_under_everything(tmp_path: Path, specimens: list[Specimen]) -> None:
+    with campaign(tmp_path, seed=200) as one:
+        assert one.run(specimens, 200, EVERYTHING, limit_s=3600) == Verdict()
+
+
+def test_campaign_of_150_jobs_under_silence_and_sleep(tmp_path: Path, specimens: list[Specimen]) -> None:
+    with campaign(tmp_path, seed=150, through_proxy=True) as one:
+        assert one.run(specimens, 150, {"half_open": 6, "freeze_worker": 5}, limit_s=3600) == Verdict()
+        assert one.figures["fenced"] >= 1
+
+
+def test_workers_whose_clocks_are_wrong_by_an_hour(tmp_path: Path, specimens: list[Specimen]) -> None:
+    with started_stack(tmp_path, workers=0, environment=SHORT) as stack:
+        for name, offset in (("early", -3600), ("late", 3600)):
+            path = os.pathsep.join([str(CLOCK), os.environ.get("PYTHONPATH", "")])
+            stack.start_worker(name, environment={"PYTHONPATH": path, "CLOCK_OFFSET_S": str(offset)})
+        ledger = Ledger(stack.url)
+        for number in range(24):
+            assert ledger.submit(specimens[number % len(specimens)], f"clock-{number}")
+        jobs = stack.stores.jobs
+        wait_for(lambda: all(jobs.get(i).status.done for i in ledger.acknowledged), limit_s=300)
+        assert judge(ledger, Logs(tmp_path)) == Verdict()
+        assert {jobs.get(job_id).attempt for job_id in ledger.acknowledged} == {1}
+        ledger.http.close()
+
+
+@pytest.mark.parametrize("how", ["refused", "hung"])
+def test_a_broker_that_is_away_for_a_minute(tmp_path: Path, specimens: list[Specimen], how: str) -> None:
+    """Every answer is a 503 that says when to ask again, and soon; afterwards everything goes on."""
+    with started_stack(tmp_path, workers=1, api=False, environment=SHORT) as stack, ExitStack() as exits:
+        proxy = exits.enter_context(ChaosProxy(stack.server.url))
+        stack.environment["REDIS_URL"] = proxy.url
+        stack.start_api()
+        ledger = Ledger(stack.url)
+        jobs = [ledger.submit(specimens[0], f"before-{number}") for number in range(6)]
+        mesh = ledger.http.get(f"/v1/jobs/{jobs[0]}").json()["mesh_id"]
+        if how == "refused":
+            stack.server.stop()
+        else:
+            proxy.hang()
+        slowest: dict[str, float] = {}
+        till = time.monotonic() + 60
+        while time.monotonic() < till:
+            for path in ("/v1/jobs", f"/v1/jobs/{jobs[0]}", f"/v1/meshes/{mesh}", "/readyz"):
+                _timed(slowest, lambda path=path: ledger.http.get(path), path)
+            _timed(slowest, lambda: _submit(ledger, specimens[1]), "POST /v1/jobs")
+        assert ledger.http.get("/healthz").status_code == 200
+        if how == "refused":
+            stack.server.start()
+        proxy.heal()
+        wait_for(lambda: ledger.http.get("/readyz").status_code == 200, limit_s=30)
+        wait_for(lambda: all(ledger.http.get(f"/v1/jobs/{i}").json()["done"] for i in jobs), limit_s=120)
+        assert judge(ledger, Logs(tmp_path)) == Verdict()
+        ledger.http.close()
+        say(f"broker {how}: slowest {slowest}")
+        assert max(slowest.values()) < (1 if how == "refused" else 2)
+
+
+def test_slow_clients_do_not_keep_others_waiting(tmp_path: Path, specimens: list[Specimen]) -> None:
+    """200 bodies of a byte a second and 200 headers that never end, beside everybody else."""
+    with started_stack(tmp_path, workers=1, environment=SHORT) as stack, ExitStack() as exits:
+        where = httpx.URL(stack.url)
+        heads = [
+            b"PUT /v1/meshes?name=a.ply HTTP/1.1\r\nHost: x\r\nContent-Length: 100000\r\n\r\n",
+            b"GET / HT",
+        ]
+        slow = [exits.enter_context(socket.create_connection((where.host, where.port))) for _ in range(400)]
+        for number, connection in enumerate(slow):
+            connection.sendall(heads[number % 2])
+            connection.setblocking(False)
+        done = threading.Event()
+        cut: dict[socket.socket, float] = {}
+        began = time.monotonic()
+
+        def trickle() -> None:
+            while not done.wait(1):
+                for connection in slow:
+                    try:
+                        connection.send(b"a")
+                        connection.recv(1)  # an answer, or the end: both mean that it was dropped
+                        cut.setdefault(connection, time.monotonic() - began)
+                    except BlockingIOError:
+                        continue
+                    except OSError:
+                        cut.setdefault(connection, time.monotonic() - began)
+
+        thread = threading.Thread(target=trickle)
+        thread.start()
+        try:
+            polled = Clients(
+                where.host, where.port or 80, "/v1/jobs", clients=20, period_s=0.2, rounds=200
+            ).poll()
+            wait_for(lambda: len(cut) == len(slow), limit_s=60, what="the end of the slow ones")
+        finally:
+            done.set()
+            thread.join()
+        say(f"slow clients: p99 {polled.percentile(0.99):.3f} s, all cut after {max(cut.values()):.0f} s")
+        assert polled.errors == []
+        assert polled.percentile(0.99) < 1
+
+
+def test_ten_thousand_open_connections(tmp_path: Path, specimens: list[Specimen]) -> None:
+    with started_stack(tmp_path, workers=1, api=False, environment=SHORT) as stack, _two_apis(stack) as port:
+        ledger = Ledger(f"http://127.0.0.1:{port}")
+        job_id = ledger.submit(specimens[0], "polled")
+        wait_for(lambda: ledger.http.get(f"/v1/jobs/{job_id}").json()["done"], limit_s=60)
+        ledger.http.close()
+        polled = Clients(
+            "127.0.0.1", port, f"/v1/jobs/{job_id}", clients=10_000, period_s=10, rounds=6
+        ).poll()
+        say(f"10,000 connections: {len(polled.seconds)} answers, p99 {polled.percentile(0.99):.3f} s")
+        assert polled.errors == []
+        assert polled.percentile(0.99) < 1
+
+
+def test_a_full_disk(tmp_path: Path, specimens: list[Specimen]) -> None:
+    """The data folder and the server's log on 6 MB: nothing torn, and back by itself when there is room."""
+    if os.geteuid() != 0:
+        pytest.skip("NOT DRILLED: mounting a small file system needs root")
+    with _small_disk(tmp_path / "small"):
+        settings = SHORT | {"SPHERIFY_MIN_FREE_BYTES": "65536"}
+        with started_stack(tmp_path / "small", workers=1, environment=settings) as stack:
+            ledger = Ledger(stack.url)
+            jobs = [ledger.submit(specimens[0], "first")]
+            wait_for(lambda: ledger.http.get(f"/v1/jobs/{jobs[0]}").json()["done"], limit_s=60)
+            ballast = tmp_path / "small" / "ballast"
+            _fill(ballast)
+            name, content = specimens[1].name, specimens[1].content
+            answer = ledger.http.put(f"/v1/meshes?name={name}", content=content)
+            assert answer.status_code in {507, 503}, answer.text
+            assert answer.headers["content-type"] == "application/problem+json"
+            ballast.unlink()
+
+            def server_back() -> bool:
+                if not stack.server.alive:
+                    stack.server.start()
+                return ledger.http.get("/readyz").status_code == 200
+
+            wait_for(server_back, limit_s=60)
+            wait_for(lambda: ledger.submit(specimens[1], "second"), limit_s=60)
+            jobs_done = stack.stores.jobs.get
+            wait_for(lambda: all(jobs_done(i).status.done for i in ledger.acknowledged), limit_s=120)
+            assert judge(ledger, Logs(stack.data_dir)) == Verdict()
+            assert list(stack.stores.blobs.scratch().iterdir()) == []
+            ledger.http.close()
+
+
+def test_soak(tmp_path: Path, specimens: list[Specimen]) -> None:
+    """Faults about every 20 s for two hours (DRILL_SOAK_S): nothing lost, and the API no larger than it was."""
+    jobs, faults = round(SOAK_S / 3), max(1, round(SOAK_S / 20 / 6))
+    kinds = ("kill_worker", "kill_child", "kill_runner", "kill_broker", "stop_worker", "freeze_worker")
+    with campaign(tmp_path, seed=23) as one:
+        api = one.stack._processes[0].pid
+        warm = one.run(specimens, 20, {}, limit_s=600)
+        assert warm == Verdict()
+        memory, files = _taken(api)
+        assert one.run(specimens, jobs, dict.fromkeys(kinds, faults), limit_s=4 * SOAK_S + 600) == Verdict()
+        memory_after, files_after = _taken(api)
+        say(f"soak: API {memory >> 20} → {memory_after >> 20} MiB, {files} → {files_after} descriptors")
+        assert memory_after < 1.1 * memory
+        assert files_after <= files + 8  # a pool of connections breathes
+
+
+def _timed(slowest: dict[str, float], ask: object, name: str) -> None:
+    began = time.monotonic()
+    answer = ask()  # type: ignore[operator]
+    slowest[name] = max(slowest.get(name, 0.0), round(time.monotonic() - began, 3))
+    assert answer.status_code == httpx.codes.SERVICE_UNAVAILABLE
+    assert answer.headers["retry-after"]
+
+
+def _submit(ledger: Ledger, specimen: Specimen) -> httpx.Response:
+    files = {"file": (specimen.name, specimen.content)}
+    return ledger.http.post("/v1/jobs", files=files, data=specimen.fields)
+
+
+def _taken(pid: int) -> tuple[int, int]:
+    pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE"), len(list(Path(f"/proc/{pid}/fd").iterdir()))
+
+
+@contextmanager
+def _two_apis(stack: Stack) -> Iterator[int]:
+    with socket.create_server(("127.0.0.1", 0), backlog=4096) as listener:
+        command = [sys.executable, "-m", "service", f"--fd={listener.fileno()}"]
+        processes = []
+        for number in range(2):
+            with stack.log(f"api-{number}").open("wb") as log:
+                processes.append(
+                    subprocess.Popen(
+                        command,
+                        cwd=ROOT,
+                        env=stack.environment,
+                        pass_fds=[listener.fileno()],
+                        stdout=log,
+                        stderr=log,
+                    )
+                )
+        try:
+            yield int(listener.getsockname()[1])
+        finally:
+            for process in processes:
+                process.terminate()
+            for process in processes:
+                process.wait(20)
+
+
+def _fill(path: Path) -> None:
+    """Write until nothing fits any more."""
+    try:
+        with path.open("wb", buffering=0) as file:
+            while file.write(bytes(4096)):
+                pass
+    except OSError as e:
+        assert e.errno == errno.ENOSPC
+
+
+@contextmanager
+def _small_disk(folder: Path) -> Iterator[None]:
+    folder.mkdir()
+    subprocess.run(["mount", "-t", "tmpfs", "-o", "size=6m", "tmpfs", str(folder)], check=True)
+    try:
+        yield
+    finally:
+        subprocess.run(["umount", str(folder)], check=True)
