@@ -109,7 +109,7 @@ class Runner:
 
 
 class Runners:
-    """Hands out runners; the spare is started while the job that needed the last one is running."""
+    """Hands out runners; the supervisor says when the next spare is started."""
 
     def __init__(self, threads: int) -> None:
         self._threads = threads

@@ -33,6 +33,7 @@ FENCE_SHARE: Final = (
 )
 COMMIT_S: Final = 15.0  # how long the end of a job is offered to a server that does not answer
 _LEAST_S: Final = 3.0  # time for an attempt at a job whose limit is over, in which the runner tells so
+_SPARE_S: Final = 0.5  # a brief job is not to share its processor with the start of the next runner
 _TICK_S: Final = 0.25
 T = TypeVar("T")
 log = logging.getLogger(__name__)
@@ -86,7 +87,13 @@ class Supervisor:
         if claim.outcome is not ClaimOutcome.CLAIMED:
             _say(logging.INFO, job_id, "drop", f"dropped: {claim.outcome}")
             return
-        _Attempt(self, job_id, claim, keep_delivery).go()
+        attempt = _Attempt(self, job_id, claim, keep_delivery)
+        try:
+            attempt.go()
+        except Exception as e:
+            log.exception("a fault of the supervisor", extra={"job_id": job_id, "action": "fault"})
+            attempt.give_up(e)
+            raise
 
 
 class _Attempt:
@@ -132,7 +139,6 @@ class _Attempt:
                     checkpoint_s=self._settings.checkpoint_s,
                 )
             )
-            self._boss.runners.prepare()
             verdict = self._watch(runner)
         except SystemExit:  # Celery's cold shutdown
             runner.kill()
@@ -141,6 +147,15 @@ class _Attempt:
         finally:
             exit_code = self._end_of(runner)
         self._conclude(verdict, exit_code)
+        self._boss.runners.prepare()
+
+    def give_up(self, error: Exception) -> None:
+        """End after a fault of this process: one of the machine counts as a loss, one of the program as the end."""
+        if isinstance(error, OSError):
+            self._lose(repr(error))
+        else:
+            ours = internal_error(self._job_id, f"{type(error).__name__}: {error}")
+            self._commit_new(Outcome(JobStatus.FAILED, best_iteration=self._outbox.best, error=ours), None)
 
     def _end_of(self, runner: Runner) -> int:
         """See the process out and return its exit code; one that goes on in spite of its last word is killed."""
@@ -164,6 +179,8 @@ class _Attempt:
             if runner.ended or self._last is not None:
                 return self._verdict()
             self._steer(runner, now)
+            if now - self._began > _SPARE_S:
+                self._boss.runners.prepare()
 
     def _hear(self, event: dict[str, Any]) -> None:
         if event["event"] in {"snapshot", "report"}:
@@ -223,7 +240,7 @@ class _Attempt:
         elif verdict is Verdict.STOPPED:
             self._hand_on()
         elif verdict is Verdict.DIED and exit_code < 0:
-            self._lose(exit_code)
+            self._lose(f"the runner ended without a word, exit code {exit_code}")
         else:
             self._commit_new(*self._end(verdict, exit_code))
 
@@ -303,8 +320,8 @@ class _Attempt:
             self._say(logging.INFO, "hand-on", "stopped at a checkpoint for another worker")
             self._send()
 
-    def _lose(self, exit_code: int) -> None:
-        self._say(logging.WARNING, "lose", f"the runner ended without a word, exit code {exit_code}")
+    def _lose(self, why: str) -> None:
+        self._say(logging.WARNING, "lose", why)
         if self._insist(lambda: self._jobs.lose(self._job_id, self._token)):
             self._send()
 

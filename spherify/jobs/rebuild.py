@@ -56,7 +56,6 @@ def rebuild(stock: Stock, still: Callable[[], object] = lambda: None) -> bool:
     if stock.jobs.complete():
         return False
     began = time.monotonic()
-    log.warning("the records are gone: rebuilding them from the files", extra={"action": "rebuild"})
     name = stock.jobs.begin_rebuild()
     counts = {"meshes": 0, "jobs": 0}
     for stat in stock.blobs.list(layout.tombstones()):
@@ -70,7 +69,14 @@ def rebuild(stock: Stock, still: Callable[[], object] = lambda: None) -> bool:
             counts[kind] += _tried(stock, found, restore)
     complete = stock.jobs.end_rebuild(name)
     said = f"{counts['jobs']} jobs and {counts['meshes']} meshes in {time.monotonic() - began:.1f} s"
-    log.warning("rebuilt: %s%s", said, "" if complete else ", and lost again", extra={"action": "rebuild"})
+    level = logging.WARNING if any(counts.values()) else logging.INFO  # a new server has nothing to lose
+    log.log(
+        level,
+        "records rebuilt: %s%s",
+        said,
+        "" if complete else ", and lost again",
+        extra={"action": "rebuild"},
+    )
     return True
 
 

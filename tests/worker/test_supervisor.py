@@ -237,6 +237,25 @@ def test_a_fault_of_ours_is_named_and_not_tried_again(
     assert spec.id in job.error.detail
 
 
+@pytest.mark.parametrize(
+    ("fault", "status", "losses"),
+    [(ZeroDivisionError, JobStatus.FAILED, 0), (BlockingIOError, JobStatus.ACCEPTED, 1)],
+)
+def test_a_fault_of_the_supervisor_itself_does_not_wait_for_the_lease(
+    stores: Stores, settings: Settings, fault: type[Exception], status: JobStatus, losses: int
+) -> None:
+    class Faulty(Watched):
+        def take(self) -> Runner:
+            raise fault
+
+    job_id = endless(stores)
+    with pytest.raises(fault):
+        Supervisor(stores.jobs, stores.blobs, stores.queue, settings, Faulty(1)).run(job_id, "w")
+    job = stores.jobs.get(job_id)
+    assert (job.status, job.losses) == (status, losses)
+    assert (job.error is not None and job.error.code == "internal-error") == (status is JobStatus.FAILED)
+
+
 def test_a_runner_that_ends_by_itself_without_a_word_is_a_fault_of_ours(
     stores: Stores, settings: Settings
 ) -> None:
