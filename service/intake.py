@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from spherify.jobs.ports import BlobStore, MeshStore
     from spherify.settings import Settings
 
+LOCATIONS: Final = 10  # of each defect that a record keeps; the answer to a refused mesh has more
 READINGS: Final = 2  # at once: each may take gigabytes for seconds
 WAITING: Final = 64  # uploads that may wait for a reading; more are told to come back
 _CROCKFORD: Final = str.maketrans("ABCDEFGHIJKLMNOPQRSTUVWXYZ234567", "0123456789ABCDEFGHJKMNPQRSTVWXYZ")
@@ -85,7 +86,7 @@ class Intake:
             size=upload.size,
             format=read.report.format,
             allow=tuple(sorted(allow)),
-            report=read.report.as_dict(),
+            report=read.report.as_dict(most_locations=LOCATIONS),
             created_at=time.time(),
         )
         arrays = {"vertices": read.mesh.vertices, "faces": read.mesh.faces}

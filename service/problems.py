@@ -192,5 +192,5 @@ def _refused(error: MeshRefusedError) -> ProblemError:
         }
         for defect in error.errors
     )
-    report = error.report.as_dict() if error.report else None
+    report = error.report.as_dict(most_locations=0) if error.report else None
     return ProblemError(error.code, str(error), errors, extensions={"report": report})

@@ -182,6 +182,14 @@ class SnapshotsOut(Answer):
     links: Links
 
 
+class LocationOut(BaseModel):
+    """One place of a defect."""
+
+    kind: str = Field(description="vertex, edge, or component (told by its first vertex).")
+    indices: list[int] = Field(description="Vertices, from 0, as the file has them: of an edge both ends.")
+    positions: list[tuple[float, float, float]] = Field(description="Where these lie, in the file's unit.")
+
+
 class FieldErrorOut(BaseModel):
     """One wrong value, or one defect of a mesh."""
 
@@ -190,6 +198,11 @@ class FieldErrorOut(BaseModel):
     pointer: str = Field(examples=["#/parameters/step", "query/limit", "form/file"])
     code: str
     detail: str
+    locations: list[LocationOut] = Field(
+        default=[],
+        description="Of a refused mesh: where the defect lies (open edges, edges with three faces, pinch vertices, "
+        "components), the first 500.",
+    )
 
 
 class ProblemOut(BaseModel):
@@ -323,6 +336,8 @@ def _job_links(job: Job) -> dict[str, str]:
         links["extend"] = f"{path}/extend"
     if may_be_retried(job):
         links["retry"] = f"{path}/retry"
+    if job.status.done:
+        links["archive"] = f"{path}/archive.zip"
     if job.snapshots:
         links["latest"] = f"{path}/snapshots/latest"
     if best_iteration(job) is not None:

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-import csv
 import io
 from http import HTTPStatus
+from typing import Annotated, BinaryIO
 
 from anyio import to_thread
-from fastapi import APIRouter, Request, Response
+from fastapi import APIRouter, Query, Request, Response
 
 from service import documentation as doc
+from service.archive import MEDIA_TYPE, metrics_csv, write_archive
 from service.context import Context
 from service.conversion import Ascii, Form, Precision, converted_snapshot
-from service.delivery import REVALIDATE, Content, deliver, file_name, json_answer, strong_etag
+from service.delivery import IMMUTABLE, REVALIDATE, Content, deliver, file_name, json_answer, strong_etag
 from service.identifiers import JobId, MeshFormat, Which
+from service.queries import KNOWN_QUERY
 from service.schemas import (
     MetricsOut,
-    RowOut,
     SnapshotOut,
     SnapshotsOut,
     metrics_out,
@@ -24,7 +25,11 @@ from service.schemas import (
     snapshots_out,
 )
 from service.snapshots import find, negotiate, retry_after_s
+from service.uploads import check_space
+from spherify import __version__
 from spherify.formats import FORMATS_OUT
+from spherify.jobs.errors import JobNotFinishedError
+from spherify.jobs.model import Job, MeshRecord
 
 router = APIRouter(prefix="/v1/jobs/{job_id}", tags=["Snapshots"])
 VARY = "Accept"
@@ -157,13 +162,7 @@ def get_metrics(request: Request, context: Context, job_id: JobId) -> Response:
 def get_metrics_csv(request: Request, context: Context, job_id: JobId) -> Response:
     """Return the same as `/metrics`, for spreadsheets and plots."""
     job = context.stores.jobs.get(job_id)
-    rows = metrics_out(job_id, context.stores.jobs.metrics(job_id)).rows
-    names = ["iteration", *(name for name in RowOut.model_fields if name != "iteration")]
-    text = io.StringIO(newline="")
-    writer = csv.DictWriter(text, names, lineterminator="\r\n")  # RFC 4180
-    writer.writeheader()
-    writer.writerows(row.model_dump() for row in rows)
-    data = text.getvalue().encode()
+    data = metrics_csv(metrics_out(job_id, context.stores.jobs.metrics(job_id)))
     content = Content(
         size=len(data),
         etag=strong_etag(data),
@@ -173,3 +172,74 @@ def get_metrics_csv(request: Request, context: Context, job_id: JobId) -> Respon
         open=lambda: io.BytesIO(data),
     )
     return deliver(request, content)
+
+
+@router.get(
+    "/archive.zip",
+    operation_id="downloadArchive",
+    dependencies=[KNOWN_QUERY],
+    summary="Download everything of a finished job",
+    response_class=Response,
+    responses={
+        HTTPStatus.OK: {
+            "description": "`manifest.json` (parameters, version, the SHA-256 of every file), `metrics.csv`, and every "
+            "kept state.",
+            "content": {MEDIA_TYPE: {"schema": doc.BINARY}},
+            "headers": doc.FILE,
+        },
+        HTTPStatus.PARTIAL_CONTENT: {
+            "description": "The range that was asked for.",
+            "content": {MEDIA_TYPE: {"schema": doc.BINARY}},
+        },
+        HTTPStatus.NOT_MODIFIED: {"description": "The client has it already.", "headers": doc.ETAG},
+        **doc.problems(
+            "not-found",
+            "gone",
+            "job-not-finished",
+            "range-not-satisfiable",
+            "invalid-parameters",
+            "storage-full",
+            *doc.STORES,
+        ),
+    },
+)
+async def download_archive(
+    request: Request,
+    context: Context,
+    job_id: JobId,
+    format: Annotated[  # noqa: A002 (its name in the address)
+        str,
+        Query(
+            pattern=f"^({'|'.join(FORMATS_OUT)})$",
+            description="Of the states.",
+            json_schema_extra={"enum": list(FORMATS_OUT)},
+        ),
+    ] = "ply",
+) -> Response:
+    """Return one zip file, built once: `curl -OJ …/archive.zip`."""
+    stores = context.stores
+
+    def read() -> tuple[Job, MeshRecord, MetricsOut]:
+        job = stores.jobs.get(job_id)
+        if not job.status.done:
+            raise JobNotFinishedError(f"{job_id} is {job.status}: its archive is made when it is done")
+        return job, stores.meshes.get(job.spec.mesh_id), metrics_out(job_id, stores.jobs.metrics(job_id))
+
+    job, mesh, metrics = await to_thread.run_sync(read)
+
+    def build(file: BinaryIO) -> None:
+        needed = sum(snapshot.size for snapshot in job.snapshots)
+        check_space(stores.blobs.scratch(), needed, context.settings.min_free_bytes)
+        write_archive(file, stores.blobs, job, mesh, metrics=metrics, form=format)
+
+    parts = ("archive", job_id, job.rev, format, __version__)
+    with await context.cache.get(parts, build, context.conversions, small=False) as found:
+        content = Content(
+            size=found.size,
+            etag=found.etag,
+            media_type=MEDIA_TYPE,
+            filename=file_name(job.spec.name, ".zip"),
+            cache_control=IMMUTABLE,
+            open=found.take,
+        )
+        return deliver(request, content)

@@ -13,7 +13,7 @@ from spherify.formats.report import Defect, Location, Point, Switch
 from spherify.geometry.mesh import Ints
 from spherify.geometry.topology import connected_labels
 
-MAX_LOCATIONS: Final = 10  # of one defect that are listed
+MAX_LOCATIONS: Final = 500  # of one defect that are listed: enough to draw the rim of a hole
 _SWITCHES: Final[dict[ProblemCode, Switch]] = {
     "mesh-genus": "genus",
     "mesh-not-closed": "boundary",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Final, Literal
 
 from spherify.formats.codes import ProblemCode, problem_code
@@ -39,7 +39,7 @@ class Defect:
         code: the problem it is.
         detail: one sentence: how many, where the first is, and the cure.
         pointer: JSON pointer to the parameter to blame, None for the file itself.
-        locations: the first few places.
+        locations: the first places, some hundreds at most.
 
     """
 
@@ -106,9 +106,12 @@ class MeshReport:
     repairs: tuple[Repair, ...] = ()
     defects: tuple[Defect, ...] = ()
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return the report as JSON-ready objects."""
-        return asdict(self)
+    def as_dict(self, *, most_locations: int | None = None) -> dict[str, Any]:
+        """Return the report as JSON-ready objects, with so many places of each defect at most."""
+        defects = tuple(
+            replace(defect, locations=defect.locations[:most_locations]) for defect in self.defects
+        )
+        return asdict(replace(self, defects=defects))
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> MeshReport:

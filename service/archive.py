@@ -1,0 +1,97 @@
+"""A finished job as one file: manifest.json, metrics.csv and every kept state; the same bytes every time."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import json
+import zipfile
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Any, BinaryIO, Final
+
+from service.arrays import State
+from service.delivery import file_name
+from service.schemas import MetricsOut, RowOut, figures
+from spherify import __version__
+from spherify.formats import write_mesh
+from spherify.jobs.model import Job, MeshRecord
+
+if TYPE_CHECKING:
+    from spherify.jobs.ports import BlobStore
+
+MEDIA_TYPE: Final = "application/zip"
+_TEXT: Final = frozenset({"obj", "off"})  # binary positions hardly shrink
+_FIRST: Final = datetime(1980, 1, 1, tzinfo=UTC)  # before it a zip file has no times
+
+
+def metrics_csv(metrics: MetricsOut) -> bytes:
+    """Return the time series as CSV (RFC 4180), a header line first."""
+    names = ["iteration", *(name for name in RowOut.model_fields if name != "iteration")]
+    text = io.StringIO(newline="")
+    writer = csv.DictWriter(text, names, lineterminator="\r\n")
+    writer.writeheader()
+    writer.writerows(row.model_dump() for row in metrics.rows)
+    return text.getvalue().encode()
+
+
+def write_archive(
+    file: BinaryIO, blobs: BlobStore, job: Job, mesh: MeshRecord, *, metrics: MetricsOut, form: str
+) -> None:
+    """Write the archive of a finished job, one state at a time; entries are dated as the job was made."""
+    made = max(datetime.fromtimestamp(int(job.spec.created_at), UTC), _FIRST)
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED, allowZip64=True) as archive:
+
+        def add(name: str, data: bytes, *, text: bool) -> str:
+            entry = zipfile.ZipInfo(name, made.timetuple()[:6])
+            entry.external_attr = 0o644 << 16
+            entry.compress_type = zipfile.ZIP_DEFLATED if text else zipfile.ZIP_STORED
+            archive.writestr(entry, data)
+            return hashlib.sha256(data).hexdigest()
+
+        states: list[dict[str, Any]] = []
+        for snapshot in job.snapshots:
+            _, state = State(job.spec.mesh_id, snapshot).load(blobs)
+            data = write_mesh(state, form)
+            name = file_name(job.spec.name, f"_it{snapshot.iteration:05d}.{form}")
+            states.append(
+                {
+                    "name": name,
+                    "iteration": snapshot.iteration,
+                    "bytes": len(data),
+                    "sha256": add(name, data, text=form in _TEXT),
+                    "metrics": figures(snapshot.metrics).model_dump(),
+                }
+            )
+        table = metrics_csv(metrics)
+        series = {"name": "metrics.csv", "bytes": len(table), "sha256": add("metrics.csv", table, text=True)}
+        manifest = _manifest(job, mesh) | {"snapshots": states, "metrics": series}
+        add("manifest.json", json.dumps(manifest, indent=2, ensure_ascii=False).encode(), text=True)
+
+
+def _manifest(job: Job, mesh: MeshRecord) -> dict[str, Any]:
+    return {
+        "spherify": __version__,
+        "job": {
+            "id": job.id,
+            "parent_id": job.spec.parent_id,
+            "name": job.spec.name,
+            "tags": list(job.spec.tags),
+            "status": job.status.value,
+            "stop_reason": job.stop_reason,
+            "stop_detail": job.stop_detail,
+            "result_iteration": job.result_iteration,
+            "best_iteration": job.best_iteration,
+            "preset": job.spec.preset,
+            "parameters": job.spec.parameters,
+        },
+        "mesh": {
+            "id": mesh.id,
+            "name": mesh.name,
+            "sha256": mesh.sha256,
+            "format": mesh.format,
+            "allow": list(mesh.allow),
+            "vertices": mesh.report.get("vertices"),
+            "faces": mesh.report.get("faces"),
+        },
+    }

@@ -1,0 +1,90 @@
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import json
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import httpx
+import pytest
+
+from spherify.settings import Settings
+from tests.service.conftest import Hand, problem
+
+
+@pytest.fixture
+def path(submitted: Callable[..., Hand]) -> str:
+    hand = submitted().claim().reach(0).reach(100).reach(1000).end()
+    return f"/v1/jobs/{hand.job_id}/archive.zip"
+
+
+@pytest.mark.parametrize("form", ["ply", "obj", "glb"])
+def test_an_archive_holds_everything_and_says_what(client: httpx.Client, path: str, form: str) -> None:
+    job = path.removesuffix("/archive.zip")
+    assert client.get(job).json()["links"]["archive"] == path
+    answer = client.get(path, params={"format": form})
+    assert answer.headers["content-type"] == "application/zip"
+    assert answer.headers["content-disposition"] == 'attachment; filename="bunny.zip"'
+    with zipfile.ZipFile(io.BytesIO(answer.content)) as archive:
+        assert archive.testzip() is None
+        files = {name: archive.read(name) for name in archive.namelist()}
+    states = [f"bunny_it{iteration:05d}.{form}" for iteration in (0, 100, 1000)]
+    assert list(files) == [*states, "metrics.csv", "manifest.json"]
+    manifest = json.loads(files["manifest.json"])
+    assert [state["name"] for state in manifest["snapshots"]] == states
+    for entry in (*manifest["snapshots"], manifest["metrics"]):
+        assert hashlib.sha256(files[entry["name"]]).hexdigest() == entry["sha256"]
+        assert len(files[entry["name"]]) == entry["bytes"]
+    for state in manifest["snapshots"]:
+        assert files[state["name"]] == client.get(f"{job}/snapshots/{state['iteration']}.{form}").content
+    assert files["metrics.csv"] == client.get(f"{job}/metrics.csv").content
+    assert [row["iteration"] for row in csv.DictReader(io.StringIO(files["metrics.csv"].decode()))] == [
+        "0",
+        "100",
+        "1000",
+    ]
+    whole = client.get(job).json()
+    assert manifest["job"]["parameters"] == whole["parameters"]
+    assert manifest["mesh"]["sha256"] == client.get(whole["links"]["mesh"]).json()["sha256"]
+
+
+def test_the_same_bytes_every_time(client: httpx.Client, path: str, settings: Settings) -> None:
+    first = client.get(path)
+    kept = [file for file in (settings.data_dir / "cache").iterdir() if not file.name.endswith(".part")]
+    for file in kept:
+        file.unlink()
+    again = client.get(path)
+    assert again.content == first.content
+    assert again.headers["etag"] == first.headers["etag"]
+    known = client.get(path, headers={"If-None-Match": first.headers["etag"]})
+    assert (known.status_code, known.content) == (304, b"")
+
+
+def test_a_broken_download_goes_on(client: httpx.Client, path: str) -> None:
+    whole = client.get(path)
+    half = len(whole.content) // 2
+    rest = client.get(path, headers={"Range": f"bytes={half}-", "If-Range": whole.headers["etag"]})
+    assert rest.status_code == 206
+    assert whole.content[:half] + rest.content == whole.content
+    assert client.head(path).headers["content-length"] == str(len(whole.content))
+
+
+def test_no_archive(client: httpx.Client, submitted: Callable[..., Hand], path: str) -> None:
+    running = f"/v1/jobs/{submitted().claim().reach(0).job_id}"
+    assert "archive" not in client.get(running).json()["links"]
+    problem(client.get(f"{running}/archive.zip"), 409, "job-not-finished")
+    problem(client.get(path, params={"format": "3mf"}), 422, "invalid-parameters")
+    problem(client.get("/v1/jobs/job_01K5Z9Q8M4T6V2X0Y7R3N1W5BC/archive.zip"), 404, "not-found")
+
+
+def test_the_archive_of_a_damaged_job_is_refused_whole(
+    client: httpx.Client, path: str, settings: Settings
+) -> None:
+    folder = settings.data_dir / "blobs" / "jobs" / path.split("/")[3] / "snapshots"
+    damaged = sorted(folder.iterdir())[1]
+    damaged.write_bytes(b"damaged")
+    problem(client.get(path), 500, "internal-error")
+    assert list(Path(settings.data_dir / "cache").glob("*.part")) == []
