@@ -46,8 +46,8 @@ test: setup-dev ## set up, then every test
 drills: setup-dev ## faults at their full numbers, up to hours; ARGS="-k campaign" for one of them
 	$(BIN)/python -m pytest tests/faults -m drill -s $(ARGS)
 
-bench: setup-dev ## measure a step against vtkCurvatures with numpy, as ratios in one run
-	$(BIN)/python -m benchmarks
+bench: setup-dev ## measure steps, files and the service against their rivals, as ratios in one run
+	$(BIN)/python -m benchmarks $(ARGS)
 
 openapi: setup ## write openapi/openapi.json from the code
 	$(BIN)/python -m service.openapi openapi/openapi.json

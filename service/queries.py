@@ -8,8 +8,8 @@ from fastapi.routing import APIRoute
 from service.problems import invalid
 
 
-def _known_query(request: Request) -> None:
-    """Refuse query parameters that the operation does not describe."""
+async def _known_query(request: Request) -> None:
+    """Refuse query parameters that the operation does not describe; async, to be spared a thread."""
     route = request.scope["route"]
     known = {field.alias for field in route.dependant.query_params} if isinstance(route, APIRoute) else set()
     for name in request.query_params:

@@ -1,0 +1,41 @@
+"""Plots of the figures, as PNG."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Final
+
+import matplotlib as mpl
+from matplotlib.figure import Figure
+
+FOLDER: Final = Path(__file__).parent / "plots"
+_SIZE: Final = (7.5, 3.6)  # inches
+
+
+def bars(
+    name: str, title: str, labels: Sequence[str], series: Mapping[str, Sequence[float]], *, unit: str
+) -> Path:
+    """Draw a group of bars for each label, one bar a series, on a logarithmic scale; 1 is drawn as a line."""
+    figure = Figure(figsize=_SIZE, layout="constrained")
+    axes = figure.add_subplot()
+    width = 0.8 / len(series)
+    for number, (what, values) in enumerate(series.items()):
+        places = [i + (number - (len(series) - 1) / 2) * width for i in range(len(labels))]
+        drawn = axes.bar(places, values, width, label=what)
+        axes.bar_label(drawn, [f"{value:.2g}" for value in values], fontsize=7)
+    axes.axhline(1, color="black", linewidth=0.8)
+    axes.set_yscale("log")
+    axes.set_xticks(range(len(labels)), labels)
+    axes.set_title(title)
+    axes.set_ylabel(unit)
+    axes.legend(fontsize=8)
+    return _saved(figure, name)
+
+
+def _saved(figure: Figure, name: str) -> Path:
+    FOLDER.mkdir(exist_ok=True)
+    path = FOLDER / f"{name}.png"
+    with mpl.rc_context({"svg.hashsalt": name}):
+        figure.savefig(path, dpi=110, metadata={"Software": None})
+    return path
