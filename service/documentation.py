@@ -15,6 +15,7 @@ EVERYWHERE: Final = ("internal-error",)
 STORES: Final = ("not-ready",)
 REPEATS: Final = ("idempotency-in-progress", "idempotency-key-reused")
 UPLOAD: Final = (
+    "digest-mismatch",
     "request-timeout",
     "upload-too-large",
     "mesh-too-large",

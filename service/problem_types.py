@@ -54,6 +54,13 @@ PROBLEMS: Final[dict[str, ProblemType]] = {
             "(`SPHERIFY_CORS_ORIGINS`).",
         ),
         ProblemType(
+            "digest-mismatch",
+            400,
+            "The body is not what was announced",
+            "What arrived has another sha-256 than `Content-Digest` (RFC 9530) says: it was damaged on the way, or the "
+            "digest is of something else. Send it again; nothing was kept.",
+        ),
+        ProblemType(
             "not-found",
             404,
             "There is nothing here",

@@ -7,7 +7,10 @@ error, the client hanging up), the scratch file goes too, unless the blob store 
 from __future__ import annotations
 
 import asyncio
+import base64
+import binascii
 import hashlib
+import re
 import shutil
 import time
 import uuid
@@ -30,6 +33,7 @@ if TYPE_CHECKING:
 
 KIB: Final = 1024
 FLUSH_BYTES: Final = KIB * KIB  # what is held before it is hashed and written, in a thread
+_DIGEST: Final = re.compile(r"(?:^|,)\s*sha-256=:([^:]*):")
 MIN_BYTES_PER_S: Final = KIB  # a body slower than this on average is dropped, however busy it looks
 
 
@@ -113,11 +117,13 @@ async def body(request: Request, limit: int, idle_s: float) -> AsyncIterator[byt
     """Yield the body piece by piece, cut off where it grows too large or too slow.
 
     Raises:
-        ProblemError: upload-too-large, request-timeout.
+        ProblemError: upload-too-large, request-timeout, digest-mismatch.
         starlette.requests.ClientDisconnect: the client hung up.
 
     """
     check_length(request, limit)
+    announced = _announced_digest(request)
+    digest = hashlib.sha256()
     began = time.monotonic()
     received = 0
     pieces = request.stream()
@@ -133,10 +139,17 @@ async def body(request: Request, limit: int, idle_s: float) -> AsyncIterator[byt
                 f"{MIN_BYTES_PER_S} bytes/s",
             ) from None
         if piece is None:
+            if announced is not None and announced != digest.digest():
+                raise ProblemError(
+                    "digest-mismatch",
+                    f"the {received} bytes that arrived have another sha-256 than Content-Digest says",
+                )
             return
         received += len(piece)
         if received > limit:
             raise _too_large(limit, f"the body has more than {limit} bytes")
+        if announced is not None:
+            digest.update(piece)
         yield piece
 
 
@@ -171,6 +184,15 @@ async def raw_upload(
             file.feed(piece)
             await file.flush_if_full()
         yield await file.finish(name)
+
+
+def _announced_digest(request: Request) -> bytes | None:
+    """Return the sha-256 that the client announces for the body (RFC 9530), None if it announces none."""
+    found = _DIGEST.search(request.headers.get("content-digest", ""))
+    try:
+        return None if found is None else base64.b64decode(found[1], validate=True)
+    except binascii.Error:
+        return b""  # of nothing: what is announced and cannot be read is wrong
 
 
 def _too_large(limit: int, what: str) -> ProblemError:

@@ -5,6 +5,7 @@ A client may be shared by threads; a forked process gets connections of its own.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
@@ -27,6 +28,8 @@ _PASSING: Final = (
     TryAgainError,
 )
 # The same, of which the client knows no class: no disk, no replica, a script that runs on.
+_BREAK_AFTER: Final = 3  # calls in a row that were not answered in time
+_BREAK_S: Final = 0.5  # then all fail at once for this long, and one more is tried
 _PASSING_WORDS: Final = ("MISCONF", "NOREPLICAS", "BUSY")
 
 
@@ -45,8 +48,37 @@ def connect(url: str, *, timeout_s: float = 0.5) -> redis.Redis:
         socket_connect_timeout=timeout_s,
         **({} if url.startswith("unix:") else {"socket_keepalive": True}),  # TCP only
         # A pooled connection may be dead since the server's restart: once more, but not after a time-out.
-        retry=Retry(NoBackoff(), 1, supported_errors=(redis.ConnectionError,)),
+        retry=_Breaker(NoBackoff(), 1, supported_errors=(redis.ConnectionError,)),
     )
+
+
+class _Breaker(Retry):
+    """Tries once more after a broken connection; when nobody is answered, spares the next ones their wait.
+
+    Threads are few: if each waited for a server that hangs, whoever stands in line behind them would wait for them all.
+    One of these is shared by all connections of a client.
+    """
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:  # noqa: ANN401 (redis')
+        super().__init__(*args, **kwargs)
+        self._unanswered = 0
+        self._till = 0.0
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> _Breaker:
+        return self
+
+    def call_with_retry(self, *args: Any, **kwargs: Any) -> Any:  # noqa: ANN401 (redis')
+        """Call, or raise `redis.TimeoutError` at once."""
+        if self._unanswered >= _BREAK_AFTER and time.monotonic() < self._till:
+            raise redis.TimeoutError("it did not answer a moment ago")
+        try:
+            answer = super().call_with_retry(*args, **kwargs)
+        except redis.TimeoutError:
+            self._unanswered += 1
+            self._till = time.monotonic() + _BREAK_S
+            raise
+        self._unanswered = 0
+        return answer
 
 
 @contextmanager

@@ -118,7 +118,7 @@ def stores(shared_settings: Settings, shared_stores: Stores) -> Iterator[Stores]
     leftovers = list(shared_stores.blobs.scratch().iterdir())
     shared_stores.client.flushdb()
     shared_stores.client.set(keys.EPOCH, "test")  # nothing is missing
-    for folder in ("blobs/meshes", "blobs/jobs", "cache"):
+    for folder in ("blobs/meshes", "blobs/jobs", "blobs/tombstones", "cache"):
         shutil.rmtree(shared_settings.data_dir / folder, ignore_errors=True)
     assert leftovers == [], "every scratch file is removed"
 

@@ -166,6 +166,9 @@ PRODUCERS: dict[str, Callable[[World], httpx.Response]] = {
     "malformed-request": lambda w: w.odd.options(
         "/v1/jobs", headers={"Origin": "https://evil.example", "Access-Control-Request-Method": "POST"}
     ),
+    "digest-mismatch": lambda w: w.client.put(
+        "/v1/meshes?name=a.obj", content=OCTAHEDRON, headers={"Content-Digest": "sha-256=:AAAA:"}
+    ),
     "not-found": lambda w: w.client.get("/v2/jobs"),
     "result-not-ready": lambda w: snapshot(w, "500.ply"),
     "method-not-allowed": lambda w: w.client.patch("/v1/jobs"),
@@ -174,6 +177,7 @@ PRODUCERS: dict[str, Callable[[World], httpx.Response]] = {
     "idempotency-in-progress": in_progress,
     "idempotency-key-reused": reused,
     "job-already-finished": lambda w: w.client.post(finished(w) + "/cancel"),
+    "job-cannot-go-on": lambda w: w.client.post(finished(w) + "/retry"),
     "job-not-finished": lambda w: w.client.delete(f"/v1/jobs/{w.submit().job_id}"),
     "mesh-in-use": lambda w: w.client.delete(f"/v1/meshes/{w.submit().job().spec.mesh_id}"),
     "gone": deleted,
