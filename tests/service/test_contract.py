@@ -30,7 +30,7 @@ CHECKS = [
     response_schema_conformance,
     unsupported_method,
 ]
-UPLOADS = ["createJob", "createMesh", "putMesh"]
+UPLOADS = ["createJob", "createMesh", "createSample", "putMesh"]
 STREAMS = ["followJob"]  # as long as their job: tests/service/test_events.py reads them
 schema = schemathesis.openapi.from_dict(DOCUMENT)
 sampled = schemathesis.openapi.from_dict(DOCUMENT)  # each case may start a reading process: a few, at random
@@ -61,6 +61,15 @@ def test_whatever_is_uploaded_is_answered_as_described(case: Case, base_url: str
     case.call_and_validate(base_url=base_url, checks=CHECKS, timeout=30)
 
 
+def _seconds(wait: object) -> float:
+    """As the service reads a time to wait; what it refuses stays as it is."""
+    try:
+        seconds = float(str(wait))
+    except ValueError:
+        return -1
+    return seconds if 0 <= seconds <= MAX_WAIT_S else -1
+
+
 @pytest.fixture
 def life(submitted: Callable[..., Hand]) -> dict[str, list[str]]:
     """A mesh, and jobs in every stage."""
@@ -75,16 +84,20 @@ def life(submitted: Callable[..., Hand]) -> dict[str, list[str]]:
     }
 
 
-@schema.include(path_regex="{").exclude(method="DELETE").exclude(operation_id=STREAMS).parametrize()
+@(
+    schema.include(path_regex="{")
+    .exclude(method="DELETE")
+    .exclude(operation_id=[*STREAMS, "createSample"])
+    .parametrize()
+)
 @bounded(12)
 def test_what_exists_is_answered_as_described(case: Case, base_url: str, life: dict[str, list[str]]) -> None:
     """The same with names that exist, each in turn as the generated name falls."""
     for name, values in life.items():
         if name in case.path_parameters:
             case.path_parameters[name] = values[len(str(case.path_parameters[name])) % len(values)]
-    wait = (case.query or {}).get("wait")
-    if isinstance(wait, int | float) and 0 < wait <= MAX_WAIT_S:
-        case.query["wait"] = 0.01  # a minute for the end of a job that nobody works on is long
+    if "wait" in (case.query or {}):
+        case.query["wait"] = min(case.query["wait"], 0.01, key=_seconds)  # nobody works on these jobs
     case.call_and_validate(base_url=base_url, checks=CHECKS, timeout=30)
 
 
