@@ -60,9 +60,9 @@ up: setup ## keep the service running on this machine until Ctrl-C
 
 lock: ## make the lock files anew from pyproject.toml (needs uv)
 	uv pip compile --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-header --quiet \
-	  --group build pyproject.toml -o requirements/runtime.lock
+	  --extra s3 --group build pyproject.toml -o requirements/runtime.lock
 	uv pip compile --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-header --quiet \
-	  --group build --group dev pyproject.toml -c requirements/runtime.lock -o requirements/dev.lock
+	  --extra s3 --group build --group dev pyproject.toml -c requirements/runtime.lock -o requirements/dev.lock
 
 clean: ## remove .venv and everything made from the sources
 	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
