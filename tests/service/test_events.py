@@ -17,6 +17,7 @@ from service import events as module
 from service.events import Teller
 from service.watch import Sight
 from spherify.jobs.model import Job, JobStatus, Progress, Snapshot
+from spherify.jobs.rebuild import rebuild
 from spherify.settings import Settings
 from spherify.stores.connect import Stores, open_stores
 from spherify.stores.embedded import EmbeddedServer
@@ -127,6 +128,7 @@ def own(tmp_path: Path) -> Iterator[tuple[EmbeddedServer, Stores, str]]:
     server.start()
     settings = Settings(redis_url=server.url, data_dir=tmp_path / "data")
     stores = open_stores(settings)
+    rebuild(stores.stock)  # a new server knows of no records: that there are none is found out first
     with serve(settings, stores) as url:
         yield server, stores, url
     stores.close()
