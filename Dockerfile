@@ -18,13 +18,17 @@ RUN groupadd --system --gid 10001 spherify \
  && useradd --system --uid 10001 --gid spherify --home-dir /data --no-create-home spherify \
  && install --directory --owner=spherify --group=spherify --mode=0750 /data
 COPY --from=build /opt/spherify /opt/spherify
+# Machine code of the kernels, made here once; a processor of another kind than this one's makes its own beside it.
 ENV PATH=/opt/spherify/bin:$PATH \
+    NUMBA_CACHE_DIR=/var/cache/spherify \
     PYTHONUNBUFFERED=1 \
     PYTHONDONTWRITEBYTECODE=1 \
     MPLCONFIGDIR=/tmp/matplotlib \
     SPHERIFY_DATA_DIR=/data
+RUN install --directory --owner=spherify --group=spherify --mode=0750 /var/cache/spherify
 WORKDIR /data
 USER 10001:10001
+RUN python -m spherify.geometry.kernels
 VOLUME /data
 EXPOSE 8000
 # The API's; a worker is asked with `python -m worker.health`, as docker-compose.yml does.

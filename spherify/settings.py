@@ -6,7 +6,7 @@ Names are upper case with the prefix ``SPHERIFY_``; ``REDIS_URL`` goes without i
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import AliasChoices, Field, field_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
@@ -84,6 +84,10 @@ class Settings(BaseSettings):
     )
     runner_memory_bytes: int = Field(
         default=4096 * MIB, gt=0, description="Address space of one runner; a job that needs more fails."
+    )
+    engine: Literal["auto", "reference", "compiled"] = Field(
+        default="auto",
+        description="Who computes new jobs; `auto` is `compiled` where numba is. A job stays with who began it.",
     )
     threads: int = Field(default=1, ge=1, description="Threads one runner computes with.")
 

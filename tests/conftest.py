@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 import redis
 
+from spherify.geometry.kernels import default_engine
 from spherify.stores import keys
 from spherify.stores.client import connect
 from spherify.stores.embedded import EmbeddedServer
@@ -17,6 +18,13 @@ from tests.stack import Stack, started_stack
 # Tests decide on their settings themselves; a developer's own environment must not reach them.
 for _name in [name for name in os.environ if name.startswith("SPHERIFY_") or name == "REDIS_URL"]:
     del os.environ[_name]
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Make the machine code of the kernels once, before the processes that run the tests are started."""
+    if not hasattr(session.config, "workerinput"):
+        default_engine().warm()
 
 
 @pytest.fixture(scope="session")

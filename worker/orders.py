@@ -30,6 +30,8 @@ class Order:
         memory_bytes: limit of the runner's address space.
         deadline_s: seconds of computing.
         checkpoint_s: seconds between checkpoints.
+        engine: who computes a new run; None is the default.
+        threads: it computes with.
 
     """
 
@@ -39,6 +41,8 @@ class Order:
     memory_bytes: int
     deadline_s: float
     checkpoint_s: float
+    engine: str | None = None
+    threads: int = 1
 
     def line(self) -> bytes:
         """Return the order as it goes down the pipe."""

@@ -19,6 +19,8 @@ from types import FrameType
 from typing import BinaryIO, Final
 
 from spherify.geometry.errors import GeometryError, InvalidCheckpointError
+from spherify.geometry.flow import engine_for
+from spherify.geometry.kernels import default_engine
 from spherify.geometry.mesh import TriangleMesh
 from spherify.geometry.schedule import SnapshotPlan
 from spherify.jobs import layout
@@ -122,6 +124,9 @@ def _run(mesh: TriangleMesh, spec: JobSpec, sink: PipeSink, told: list[Stop]) ->
             config,
             plan,
             sink,
+            engine=engine_for(
+                mesh, config, found.arrays, engine=sink.order.engine, threads=sink.order.threads, say=_note
+            ),
             resume=found.arrays,
             stop=lambda: told[-1] if told else None,
             deadline_s=sink.order.deadline_s,
@@ -133,6 +138,10 @@ def _run(mesh: TriangleMesh, spec: JobSpec, sink: PipeSink, told: list[Stop]) ->
     except InvalidCheckpointError as e:  # of an earlier version of the program: everything once more
         sys.stderr.write(f"{spec.id}: begun anew, {e}\n")
         return go(Resumption(None, ()))
+
+
+def _note(sentence: str) -> None:
+    sys.stderr.write(f"{sentence}\n")
 
 
 def _limit_memory(limit: int) -> None:
@@ -163,6 +172,7 @@ def main() -> None:
     os.dup2(2, 1)  # whatever prints does not get among the events
     pipe.write(event_line("ready"))
     pipe.flush()
+    default_engine().warm()  # while there is no job; machine code is loaded, or made once on a machine
     line = b""
     while not line.endswith(b"\n"):  # byte by byte: what follows belongs to the thread below
         byte = os.read(0, 1)

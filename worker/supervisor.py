@@ -137,6 +137,8 @@ class _Attempt:
                     memory_bytes=self._settings.runner_memory_bytes,
                     deadline_s=self._limit_s,
                     checkpoint_s=self._settings.checkpoint_s,
+                    engine=None if self._settings.engine == "auto" else self._settings.engine,
+                    threads=self._settings.threads,
                 )
             )
             verdict = self._watch(runner)

@@ -26,6 +26,11 @@ def fail(sentence: str, code: int = FAILED) -> NoReturn:
     raise typer.Exit(code)
 
 
+def warn(sentence: str) -> None:
+    """Say something on standard error and go on."""
+    err.print(f"spherify: {sentence}", markup=False)
+
+
 class Rate(ProgressColumn):
     """Iterations a second, and the seconds left if nothing ends the run before."""
 

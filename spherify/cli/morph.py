@@ -14,13 +14,13 @@ from typing import Annotated
 import typer
 from rich.progress import Progress as Bars
 
-from spherify.cli.console import COLLAPSED, FAILED, INTERRUPTED, REFUSED, err, fail, progress_bar
+from spherify.cli.console import COLLAPSED, FAILED, INTERRUPTED, REFUSED, err, fail, progress_bar, warn
 from spherify.cli.inputs import SAMPLE, MethodOption, PresetOption, mesh_of, parameters_of
 from spherify.cli.interruption import interruptible
 from spherify.formats import FORMATS_OUT, write_mesh
 from spherify.geometry.errors import GeometryError, InvalidConfigError
 from spherify.geometry.flow import StopReason
-from spherify.geometry.kernels import ENGINES, get_engine
+from spherify.geometry.kernels import ENGINES, default_engine, get_engine
 from spherify.geometry.mesh import TriangleMesh
 from spherify.geometry.schedule import SnapshotPlan
 from spherify.jobs.model import Progress
@@ -47,7 +47,10 @@ def morph(
         list[str] | None,
         typer.Option("--set", metavar="NAME=VALUE", help="Change one parameter; repeatable."),
     ] = None,
-    engine: Annotated[str, typer.Option(help=f"Who computes: {' or '.join(ENGINES)}.")] = "reference",
+    engine: Annotated[
+        str | None,
+        typer.Option(help=f"Who computes: {' or '.join(ENGINES)}; compiled by default, where numba is."),
+    ] = None,
     threads: Annotated[int, typer.Option(min=1, help="Threads it computes with.")] = 1,
     allow: Annotated[
         list[str] | None,
@@ -69,13 +72,14 @@ def morph(
         fail(f"the folder {output.parent} does not exist", REFUSED)
     preset, parameters = parameters_of(preset, method, iterations, assignments or [])
     try:
-        computing = get_engine(engine)
+        computing = default_engine(threads, warn) if engine is None else get_engine(engine, threads)
         plan = SnapshotPlan.parse(snapshots, parameters.iterations)
     except InvalidConfigError as e:
         fail(str(e), REFUSED)
-    if threads > 1:
-        fail(f"the {engine} engine computes with one thread: leave --threads out", REFUSED)
     mesh = mesh_of(source, allow or [])
+    if not computing.ready:
+        warn("compiling the kernels, once on this machine: some 20 s")
+        computing.warm()
 
     with progress_bar() as bars, interruptible() as interrupted:
         files = _Files(mesh, output, form, frozenset(plan.iterations) if snapshots else frozenset(), bars)
@@ -100,7 +104,7 @@ def morph(
         "output": str(output),
         "method": parameters.method,
         "preset": preset,
-        "engine": engine,
+        "engine": computing.name,
         "vertices": len(mesh.vertices),
         "faces": len(mesh.faces),
         "iterations": end.iteration,

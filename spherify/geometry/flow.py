@@ -8,7 +8,7 @@ The caller decides what to keep and when to leave; nothing here knows of files, 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from spherify.geometry.config import Config
 from spherify.geometry.errors import InvalidMeshError
 from spherify.geometry.frame import Frame
-from spherify.geometry.kernels import Engine, get_engine
+from spherify.geometry.kernels import ENGINES, Engine, default_engine, get_engine
 from spherify.geometry.mesh import Floats, TriangleMesh
 from spherify.geometry.methods import Breakdown, Standstill, prepare
 from spherify.geometry.metrics import Metrics, metrics_of
@@ -126,7 +126,7 @@ def flow(
     mesh: TriangleMesh,
     config: Config,
     *,
-    engine: Engine | str = "reference",
+    engine: Engine | str | None = None,
     resume: Mapping[str, NDArray[Any]] | None = None,
 ) -> Iterator[FlowState]:
     """Run a method and yield each state, the mesh as it came (iteration 0) first.
@@ -137,7 +137,7 @@ def flow(
     Args:
         mesh: edge-manifold and consistently oriented, outward if closed; vertices all in a face.
         config: parameters of the run.
-        engine: who computes, or its name.
+        engine: who computes, or its name; by default the one of the checkpoint, else `default_engine`.
         resume: `FlowState.checkpoint` of a run of the same mesh, parameters (but for ``iterations``) and engine:
             the states after it follow, bit for bit those of a run that was never interrupted. Of a run that has
             ended, its last state follows once more.
@@ -147,11 +147,44 @@ def flow(
         InvalidCheckpointError: at once, if the checkpoint belongs to another run or is damaged.
 
     """
+    if engine is None:
+        engine = engine_for(mesh, config, resume)
     run = _Run(mesh, config, get_engine(engine) if isinstance(engine, str) else engine)
     if resume is None:
         return run.states(run.start, fresh=True)
     progress = Progress.restored(resume, run.fingerprint, len(mesh.vertices), run.method.layout)
     return run.states(progress, fresh=False)
+
+
+def engine_for(
+    mesh: TriangleMesh,
+    config: Config,
+    resume: Mapping[str, NDArray[Any]] | None,
+    *,
+    engine: str | None = None,
+    threads: int = 1,
+    say: Callable[[str], None] = lambda _: None,
+) -> Engine:
+    """Return who computes a run: whoever computed its checkpoint, so that all of it is by one.
+
+    Args:
+        mesh: of the run.
+        config: of the run.
+        resume: its checkpoint; None before there is one.
+        engine: who computes a new run; None is `default_engine`.
+        threads: it computes with, where it can.
+        say: told in one line if the compiled engine cannot be loaded.
+
+    """
+    if resume is not None and "fingerprint" in resume:
+        for name in ENGINES:
+            if np.array_equal(resume["fingerprint"], fingerprint_of(mesh, config, name)):
+                engine = name
+    if engine == "reference":
+        return get_engine(engine)
+    return (
+        default_engine(threads, say) if engine is None or resume is not None else get_engine(engine, threads)
+    )
 
 
 class _Run:

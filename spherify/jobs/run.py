@@ -100,7 +100,7 @@ def run(
     plan: SnapshotPlan,
     sink: Sink,
     *,
-    engine: Engine | str = "reference",
+    engine: Engine | str | None = None,
     resume: Mapping[str, NDArray[Any]] | None = None,
     stop: Callable[[], Stop | None] = lambda: None,
     deadline_s: float = float("inf"),
@@ -114,7 +114,7 @@ def run(
         config: parameters.
         plan: iterations whose states are kept. The last state is kept too, and the best one.
         sink: where everything goes; what it raises passes through.
-        engine: who computes.
+        engine: who computes; by default the one of what is resumed, else the default one.
         resume: the arrays of a snapshot or checkpoint of the same run, see `Kept`.
         stop: see `Stop`.
         deadline_s: seconds of computing, from this call on.

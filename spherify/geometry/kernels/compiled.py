@@ -6,37 +6,63 @@ finite is left to the reference, so that a mesh that breaks does so in the same 
 
 from __future__ import annotations
 
+from functools import partial
+from typing import Final
+
 import numpy as np
 
 from spherify.geometry.config import FlowConfig, Stage
-from spherify.geometry.kernels.numbering import Numbering
-from spherify.geometry.kernels.passes import rings, selection, shape
-from spherify.geometry.kernels.passes.step import transform
-from spherify.geometry.kernels.passes.types import CONSTANT, MEASURES, NOT_FINITE, Buffers, Mode, Scratch
+from spherify.geometry.kernels.buffers import Space, buffers, scratch
+from spherify.geometry.kernels.numbering import Numbering, Part
+from spherify.geometry.kernels.passes import shape
+from spherify.geometry.kernels.passes.fans import walk
+from spherify.geometry.kernels.passes.jit import kept
+from spherify.geometry.kernels.passes.step import work
+from spherify.geometry.kernels.passes.types import (
+    CONSTANT,
+    EXTREMES,
+    HOLD,
+    MEASURES,
+    MOVE,
+    MOVED,
+    NOT_FINITE,
+    RELAX,
+    VERTICES,
+    Found,
+    Mode,
+    Task,
+)
 from spherify.geometry.kernels.reference import ReferenceKernel
+from spherify.geometry.kernels.team import Team
 from spherify.geometry.mesh import Floats
 from spherify.geometry.roundness import Shape
 from spherify.geometry.topology import Topology
 
+PASSES_OF_SHAPE: Final = (shape.INTEGRATE, shape.CENTRE, shape.RADII, shape.MOMENTS, shape.SPREAD)
+ALL_MEASURES: Final = sum(PASSES_OF_SHAPE)
+WORTH_SHARING: Final = 20_000  # vertices; below, handing out the parts takes as long as they do
+
 
 class CompiledKernel:
-    """T on one connectivity, on one thread. Not to be shared between threads: its buffers are."""
+    """T on one connectivity. Not to be called by two threads at once: its buffers are shared."""
 
-    def __init__(self, topology: Topology, config: FlowConfig) -> None:
+    def __init__(self, topology: Topology, config: FlowConfig, threads: int = 1) -> None:
         held = topology.boundary_vertices if config.boundary == "fixed" else np.zeros(0, dtype=np.int64)
+        n = topology.n_vertices
         self._reference = ReferenceKernel(topology, config)
         self._numbering = Numbering.of(topology, held)
         self._mesh = self._numbering.connectivity
-        self._use = buffers(topology.n_vertices, len(held))
-        self._scratch = _scratch()
-        self._face_area = np.empty(len(topology.faces))
-        self._sums = np.empty((8, shape.BLOCK))
+        self._team = Team(threads if n >= WORTH_SHARING else 1)
+        self._use = buffers(n, len(held))
+        self._scratch = [scratch() for _ in range(self._team.threads)]
+        self._whole = Space.of(len(topology.faces), self._team.threads)
         self._mode = Mode(
             measure=MEASURES[config.measure],
             window=(float(config.window[0]), float(config.window[1])),
             step_bound=float(config.step_bound),
             relaxation_exponent=float(config.relaxation_exponent),
         )
+        self._parts = self._numbering.parts(self._team.threads)
         self._closed = topology.closed
         self._edge_count = len(topology.edges)
         self._single = self._numbering.place[topology.edges[topology.boundary_edges]]
@@ -44,75 +70,139 @@ class CompiledKernel:
     def transform(self, V: Floats, stage: Stage, step: float, relaxation: float) -> Floats | None:
         """See `spherify.geometry.kernels.interface.Kernel.transform`."""
         self._load(V)
-        end = transform(
-            self._mesh,
-            self._use,
-            self._scratch,
-            self._mode,
-            stage.k_in,
-            stage.k_out,
-            float(step),
-            float(relaxation),
-        )
+        end = self._moved(stage, float(step), float(relaxation))
         if end == CONSTANT:
             return None
         if end == NOT_FINITE:
             return self._reference.transform(V, stage, step, relaxation)
-        moved = np.empty(V.shape, order="F")
-        for k in range(3):
-            np.take(self._use.position[k], self._numbering.place, out=moved[:, k], mode="clip")
-        return moved
+        return self._unloaded()
 
     def shape(self, V: Floats) -> Shape:
         """See `spherify.geometry.kernels.interface.Kernel.shape`."""
         self._load(V)
-        use = self._use
-        area, volume, x, y, z, edges, variation = shape.measure(
-            use.position, self._mesh.corners, self._face_area, use.curvature, self._sums, self._closed
-        )
+        parts = list(enumerate(self._parts))
+        if len(parts) == 1:
+            self._measure(parts[0], ALL_MEASURES)
+        for passes in () if len(parts) == 1 else PASSES_OF_SHAPE:
+            alone = passes in {shape.CENTRE, shape.SPREAD}
+            self._team.each(partial(self._measure, passes=passes), parts[: 1 if alone else None])
+        area, volume, x, y, z, edges, variation, _ = map(float, self._whole.result)
         if len(self._single):  # the sum over the faces has these once, all others twice
-            a, b = use.position[:, self._single[:, 0]], use.position[:, self._single[:, 1]]
+            position = self._use.position
+            a, b = position[:, self._single[:, 0]], position[:, self._single[:, 1]]
             edges += float(np.sqrt(((b - a) ** 2).sum(axis=0)).sum())
         return Shape(area, volume, np.array([x, y, z]), edges / 2 / self._edge_count, variation)
 
+    def _moved(self, stage: Stage, step: float, relaxation: float) -> int:
+        """Apply T to the positions loaded; return how it ended."""
+        task = Task(
+            VERTICES + EXTREMES + MOVE + HOLD, *self._parts[0], stage.k_in, stage.k_out, step, relaxation
+        )
+        relaxing = RELAX if relaxation > 0 else 0
+        if len(self._parts) == 1:
+            return int(self._work((0, task._replace(passes=task.passes + relaxing))).end)
+        for outward in [0] * stage.k_in + [1] * stage.k_out:
+            one = task._replace(k_in=1 - outward, k_out=outward)
+            found = self._curvature(one)
+            if found.end != MOVED:
+                return found.end
+            self._together(one._replace(K_min=found.K_min, K_max=found.K_max, greatest=found.greatest), MOVE)
+            if relaxing:
+                self._together(one, RELAX)
+            self._work((0, one._replace(passes=HOLD)))
+        return MOVED
+
+    def _curvature(self, one: Task) -> Found:
+        """Compute curvature and normals of the positions loaded; return the extremes of the window."""
+        parts = self._together(one, VERTICES)
+        if any(part.end == NOT_FINITE for part in parts):
+            return Found(NOT_FINITE, np.nan, np.nan, 0.0)
+        lowest, highest = min(part.K_min for part in parts), max(part.K_max for part in parts)
+        found = self._work((0, one._replace(passes=EXTREMES, K_min=lowest, K_max=highest)))
+        return found._replace(greatest=max(part.greatest for part in parts))
+
+    def _together(self, task: Task, passes: int) -> list[Found]:
+        """Do one pass of an elementary step, each thread its part."""
+        tasks = [
+            task._replace(
+                passes=passes,
+                first=part.first,
+                last=part.last,
+                first_run=part.first_run,
+                last_run=part.last_run,
+            )
+            for part in self._parts
+        ]
+        return self._team.each(self._work, list(enumerate(tasks)))
+
+    def _work(self, numbered: tuple[int, Task]) -> Found:
+        thread, task = numbered
+        found: Found = work(self._mesh, self._use, self._scratch[thread], self._mode, task)
+        return found
+
+    def _measure(self, numbered: tuple[int, Part], passes: int) -> None:
+        thread, part = numbered
+        use, whole, segments = self._use, self._whole, len(self._whole.sums)
+        shape.measure(
+            use.position,
+            self._mesh.corners,
+            whole.area,
+            use.curvature,
+            whole.lanes[thread],
+            whole.sums,
+            whole.result,
+            self._closed,
+            passes,
+            segments * thread // len(self._parts),
+            segments * (thread + 1) // len(self._parts),
+            part.first,
+            part.last,
+        )
+
     def _load(self, V: Floats) -> None:
-        for k in range(3):
-            np.take(V[:, k], self._numbering.order, out=self._use.position[k], mode="clip")
+        """Take positions into the order of the passes."""
+
+        def take(part: Part) -> None:
+            span = slice(part.first, part.last)
+            for k in range(3):
+                np.take(V[:, k], self._numbering.order[span], out=self._use.position[k, span], mode="clip")
+
+        self._team.each(take, self._parts)
+
+    def _unloaded(self) -> Floats:
+        """Return the positions in the order of the mesh."""
+        moved = np.empty((len(self._numbering.place), 3), order="F")
+
+        def take(part: Part) -> None:
+            span = slice(part.first, part.last)
+            for k in range(3):
+                np.take(self._use.position[k], self._numbering.place[span], out=moved[span, k], mode="clip")
+
+        self._team.each(take, self._parts)
+        return moved
 
 
 class CompiledEngine:
-    """Machine code on one thread; made at the first call on a machine, and kept, see `passes.jit`."""
+    """Machine code; made at the first call on a machine, and kept, see `passes.jit`."""
 
     name = "compiled"
 
+    def __init__(self, threads: int = 1) -> None:
+        self.threads = threads
+
     def prepare(self, topology: Topology, config: FlowConfig) -> CompiledKernel:
         """See `spherify.geometry.kernels.interface.Engine.prepare`."""
-        return CompiledKernel(topology, config)
+        return CompiledKernel(topology, config, self.threads)
 
+    @property
+    def ready(self) -> bool:
+        """Whether the machine code is there: made by this process, or kept by an earlier one."""
+        return kept(work) and kept(shape.measure) and kept(walk)
 
-def buffers(n: int, n_held: int) -> Buffers:
-    """Allocate what the passes write, for n vertices of which some are held."""
-    return Buffers(
-        position=np.empty((3, n)),
-        moved=np.empty((3, n)),
-        normal=np.empty((3, n)),
-        curvature=np.empty(n),
-        area=np.empty(n),
-        altitude=np.empty(n),
-        held_position=np.empty((3, n_held)),
-        bins=np.empty(n, dtype=np.uint16),
-        chosen=np.empty((2, n)),
-        counts=np.empty(selection.BINS, dtype=np.int64),
-        sample=np.empty(selection.SAMPLE),
-    )
-
-
-def _scratch() -> Scratch:
-    size, line = (
-        rings.ROWS * rings.STRIDE,
-        8,
-    )  # numbers in a cache line: rows that begin with one are read in one go
-    space = np.empty(size + line)
-    start = -(space.ctypes.data // 8) % line
-    rows = space[start : start + size].reshape(rings.ROWS, rings.STRIDE)
-    return Scratch(rows, np.empty(rings.STRIDE, dtype=np.int64))
+    def warm(self) -> None:
+        """Make or load the machine code, which else the first step does; see `passes.jit` for where it is kept."""
+        faces = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
+        corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 2.0]])
+        kernel = self.prepare(Topology.of(4, faces), FlowConfig(iterations=1))
+        kernel.shape(corners)
+        kernel.transform(corners, Stage(1, 1, 0), 0.1, 0.0)

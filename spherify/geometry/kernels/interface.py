@@ -42,6 +42,15 @@ class Engine(Protocol):
         """The name it is chosen by."""
         ...
 
+    @property
+    def ready(self) -> bool:
+        """Whether it can begin at once, because whatever it has to make once on a machine is made."""
+        ...
+
+    def warm(self) -> None:
+        """Get ready, so that the first kernel need not."""
+        ...
+
     def prepare(self, topology: Topology, config: FlowConfig) -> Kernel:
         """Precompute whatever does not depend on positions."""
         ...

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +18,15 @@ from spherify.geometry.topology import Topology
 
 WINDOW = 1024  # vertices that are sorted by degree: few enough to stay near, enough for runs of some length
 _Indices = NDArray[np.uint32]
+
+
+class Part(NamedTuple):
+    """What one thread works on: vertices ``first`` … ``last``, which are the runs ``first_run`` … ``last_run``."""
+
+    first: np.uint32
+    last: np.uint32
+    first_run: int
+    last_run: int
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -64,6 +75,14 @@ class Numbering:
             held=place[held].astype(np.uint32),
         )
         return cls(order, place, connectivity)
+
+    def parts(self, count: int) -> list[Part]:
+        """Cut the vertices into parts of nearly the same size, between runs; fewer where there are not as many runs."""
+        runs, n = self.connectivity.runs, len(self.order)
+        cuts = np.searchsorted(runs[:, 0], np.arange(count) * n // count)
+        cuts = np.append(np.unique(cuts[cuts < len(runs)]), len(runs))
+        starts = np.append(runs[:, 0], np.uint32(n))
+        return [Part(starts[low], starts[high], int(low), int(high)) for low, high in pairwise(cuts)]
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -61,6 +61,10 @@ class ReferenceEngine:
     """Plain numpy on one thread."""
 
     name = "reference"
+    ready = True
+
+    def warm(self) -> None:
+        """See `spherify.geometry.kernels.interface.Engine.warm`: there is nothing to make."""
 
     def prepare(self, topology: Topology, config: FlowConfig) -> ReferenceKernel:
         """See `spherify.geometry.kernels.interface.Engine.prepare`."""

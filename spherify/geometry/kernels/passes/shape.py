@@ -1,16 +1,37 @@
-"""The surface as a whole: area, volume, centroid, radius variation."""
+"""The surface as a whole: area, volume, centroid, radius variation.
+
+Sums go by segments of faces, which are the same whoever adds them up: the bytes do not depend on the number of threads.
+"""
 
 from __future__ import annotations
 
 import math
+from typing import Final
 
 import numpy as np
 
+from spherify.geometry.kernels.passes.arithmetic import fma, inverse_root
 from spherify.geometry.kernels.passes.jit import entry, inner
 from spherify.geometry.kernels.passes.types import Floats, Index, Indices
 
-BLOCK = 512
-ACCUMULATORS = 8
+BLOCK = 128  # faces; each of its places has sums of its own, so that none waits for another
+SEGMENT = 64 * BLOCK
+SUMS = 8
+RESULTS = 8
+
+# The passes, in this order; a call names some.
+INTEGRATE: Final = 1
+CENTRE: Final = 2  # by one thread
+RADII: Final = 4
+MOMENTS: Final = 8
+SPREAD: Final = 16  # by one thread
+
+
+@inner
+def length(x: float, y: float, z: float) -> float:
+    """√(x² + y² + z²)."""
+    squared = fma(x, x, fma(y, y, z * z))
+    return squared * inverse_root(squared)
 
 
 @inner
@@ -18,7 +39,7 @@ def integrate(
     x: Floats, y: Floats, z: Floats, a: Indices, b: Indices, c: Indices, area: Floats,
     areas: Floats, volumes: Floats, mx: Floats, my: Floats, mz: Floats, edges: Floats, low: Index, high: Index,
 ) -> None:  # fmt: skip
-    """Add a block to sums kept apart by place in the block: area, 6·volume, 3·first moments, edge lengths."""
+    """Add a block to sums kept apart by place in the block: 2·area, 6·volume, 6·first moments, edge lengths."""
     for f in range(low, high):
         j = np.uint32(f - low)
         p, q, r = a[f], b[f], c[f]
@@ -27,44 +48,15 @@ def integrate(
         cx, cy, cz = x[r], y[r], z[r]
         ux, uy, uz = bx - ax, by - ay, bz - az
         vx, vy, vz = cx - ax, cy - ay, cz - az
-        wx, wy, wz = cx - bx, cy - by, cz - bz
-        nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-        here = 0.5 * math.sqrt(nx * nx + ny * ny + nz * nz)
+        nx, ny, nz = fma(uy, vz, -(uz * vy)), fma(uz, vx, -(ux * vz)), fma(ux, vy, -(uy * vx))
+        here = length(nx, ny, nz)
         area[f] = here
         areas[j] += here
-        volumes[j] += ax * nx + ay * ny + az * nz
-        mx[j] += here * (ax + bx + cx)
-        my[j] += here * (ay + by + cy)
-        mz[j] += here * (az + bz + cz)
-        edges[j] += (
-            math.sqrt(ux * ux + uy * uy + uz * uz)
-            + math.sqrt(vx * vx + vy * vy + vz * vz)
-            + math.sqrt(wx * wx + wy * wy + wz * wz)
-        )
-
-
-@inner
-def vector_area(
-    x: Floats, y: Floats, z: Floats, a: Indices, b: Indices, c: Indices
-) -> tuple[float, float, float]:
-    """Σ ½ (b - a) × (c - a): zero on a closed mesh; an open one's volume depends on the origin by it."""
-    sx, sy, sz = 0.0, 0.0, 0.0
-    for f in range(np.uint32(0), np.uint32(a.size)):
-        p, q, r = a[f], b[f], c[f]
-        ux, uy, uz = x[q] - x[p], y[q] - y[p], z[q] - z[p]
-        vx, vy, vz = x[r] - x[p], y[r] - y[p], z[r] - z[p]
-        sx += 0.5 * (uy * vz - uz * vy)
-        sy += 0.5 * (uz * vx - ux * vz)
-        sz += 0.5 * (ux * vy - uy * vx)
-    return sx, sy, sz
-
-
-@inner
-def distances(x: Floats, y: Floats, z: Floats, cx: float, cy: float, cz: float, radius: Floats) -> None:
-    """|p - c| of all vertices."""
-    for p in range(np.uint32(0), np.uint32(x.size)):
-        dx, dy, dz = x[p] - cx, y[p] - cy, z[p] - cz
-        radius[p] = math.sqrt(dx * dx + dy * dy + dz * dz)
+        volumes[j] = fma(ax, nx, fma(ay, ny, fma(az, nz, volumes[j])))
+        mx[j] = fma(here, ax + bx + cx, mx[j])
+        my[j] = fma(here, ay + by + cy, my[j])
+        mz[j] = fma(here, az + bz + cz, mz[j])
+        edges[j] += length(ux, uy, uz) + length(vx, vy, vz) + length(cx - bx, cy - by, cz - bz)
 
 
 @inner
@@ -76,56 +68,125 @@ def moments(
     for f in range(low, high):
         j = np.uint32(f - low)
         p, q, r = radius[a[f]] - about, radius[b[f]] - about, radius[c[f]] - about
-        first[j] += area[f] * (p + q + r)
-        second[j] += area[f] * (p * p + q * q + r * r)
+        first[j] = fma(area[f], p + q + r, first[j])
+        second[j] = fma(area[f], fma(p, p, fma(q, q, r * r)), second[j])
+
+
+@inner
+def distances(
+    x: Floats, y: Floats, z: Floats, cx: float, cy: float, cz: float, radius: Floats, low: Index, high: Index
+) -> None:
+    """|p - c| of some vertices."""
+    for p in range(low, high):
+        radius[p] = length(x[p] - cx, y[p] - cy, z[p] - cz)
+
+
+@inner
+def vector_area(
+    x: Floats, y: Floats, z: Floats, a: Indices, b: Indices, c: Indices
+) -> tuple[float, float, float]:
+    """Σ (b - a) × (c - a): zero on a closed mesh; an open one's volume depends on the origin by it."""
+    sx, sy, sz = 0.0, 0.0, 0.0
+    for f in range(np.uint32(0), np.uint32(a.size)):
+        p, q, r = a[f], b[f], c[f]
+        ux, uy, uz = x[q] - x[p], y[q] - y[p], z[q] - z[p]
+        vx, vy, vz = x[r] - x[p], y[r] - y[p], z[r] - z[p]
+        sx += uy * vz - uz * vy
+        sy += uz * vx - ux * vz
+        sz += ux * vy - uy * vx
+    return sx, sy, sz
+
+
+@inner
+def total(sums: Floats, k: int) -> float:
+    """Sum of one column, segment after segment."""
+    found = 0.0
+    for s in range(sums.shape[0]):
+        found += sums[s, k]
+    return found
 
 
 @entry
-def measure(
-    position: Floats, corners: Indices, area: Floats, radius: Floats, sums: Floats, closed: bool
-) -> tuple[float, float, float, float, float, float, float]:
-    """Area, volume, centroid, twice the length of all edges that have two faces, radius variation.
+def measure(  # noqa: PLR0912 - one entry, for each takes time to load
+    position: Floats, corners: Indices, area: Floats, radius: Floats, lanes: Floats, sums: Floats,
+    result: Floats, closed: bool, passes: int, first_segment: int, last_segment: int, first: Index, last: Index,
+) -> None:  # fmt: skip
+    """Measure a surface, or do one thread's part of one pass of that.
 
     Args:
         position: (3, n).
         corners: (3, m).
         area: (m,) scratch.
         radius: (n,) scratch.
-        sums: (8, BLOCK) scratch.
+        lanes: (SUMS, BLOCK) scratch of the thread.
+        sums: (segments, SUMS) scratch.
+        result: (RESULTS,) out: area, volume, centroid, twice the length of all edges that have two faces, radius
+            variation; and a radius.
         closed: whether the volume is the same from every origin.
+        passes: INTEGRATE + …; all of them for one thread, one at a time for several.
+        first_segment: of the part.
+        last_segment: one behind the part.
+        first: vertex of the part.
+        last: one behind the part.
 
     """
     x, y, z = position[0], position[1], position[2]
     a, b, c = corners[0], corners[1], corners[2]
-    sums[:] = 0.0
-    count = np.uint32(a.size)
-    low = np.uint32(0)
-    while low < count:
-        high = min(np.uint32(low + BLOCK), count)
-        integrate(
-            x, y, z, a, b, c, area,
-            sums[0], sums[1], sums[2], sums[3], sums[4], sums[5], low, high,
-        )  # fmt: skip
-        low = high
-    whole, volume, edges = sums[0].sum(), sums[1].sum() / 6, sums[5].sum()
-    if whole == 0:
-        cx, cy, cz = x.mean(), y.mean(), z.mean()
-    else:
-        cx, cy, cz = sums[2].sum() / (3 * whole), sums[3].sum() / (3 * whole), sums[4].sum() / (3 * whole)
-    if not closed:
-        vx, vy, vz = vector_area(x, y, z, a, b, c)
-        volume -= (cx * vx + cy * vy + cz * vz) / 3
-    distances(x, y, z, cx, cy, cz, radius)
-    if whole == 0:
-        return whole, volume, cx, cy, cz, edges, np.inf
-    # The variance about a value near the mean, less the square of what it is off by: no digits are lost.
-    about = radius.mean()
-    low = np.uint32(0)
-    while low < count:
-        high = min(np.uint32(low + BLOCK), count)
-        moments(a, b, c, area, radius, about, sums[6], sums[7], low, high)
-        low = high
-    off = sums[6].sum() / (3 * whole)
-    variance = sums[7].sum() / (3 * whole) - off * off
-    variance = variance if variance > 0 else 0.0 * variance
-    return whole, volume, cx, cy, cz, edges, math.sqrt(variance) / (about + off)
+    n, m = np.uint32(x.size), np.uint32(a.size)
+    for s in range(first_segment, last_segment):
+        if passes & INTEGRATE:
+            lanes[:6] = 0.0
+            low, end = np.uint32(s * SEGMENT), min(np.uint32((s + 1) * SEGMENT), m)
+            while low < end:
+                high = min(np.uint32(low + np.uint32(BLOCK)), end)
+                integrate(
+                    x,
+                    y,
+                    z,
+                    a,
+                    b,
+                    c,
+                    area,
+                    lanes[0],
+                    lanes[1],
+                    lanes[2],
+                    lanes[3],
+                    lanes[4],
+                    lanes[5],
+                    low,
+                    high,
+                )
+                low = high
+            for k in range(6):
+                sums[s, k] = lanes[k].sum()
+    if passes & CENTRE:
+        twice = total(sums, 0)
+        result[0], result[1], result[5] = 0.5 * twice, total(sums, 1) / 6, total(sums, 5)
+        for k in range(3):
+            result[2 + k] = total(sums, 2 + k) / (3 * twice) if twice != 0 else position[k].mean()
+        if not closed:
+            vx, vy, vz = vector_area(x, y, z, a, b, c)
+            result[1] -= (result[2] * vx + result[3] * vy + result[4] * vz) / 6
+        dx, dy, dz = x[0] - result[2], y[0] - result[3], z[0] - result[4]
+        result[7] = math.sqrt(dx * dx + dy * dy + dz * dz)
+    if passes & RADII:
+        distances(x, y, z, result[2], result[3], result[4], radius, first, min(last, n))
+    for s in range(first_segment, last_segment):
+        if passes & MOMENTS:
+            lanes[6:8] = 0.0
+            low, end = np.uint32(s * SEGMENT), min(np.uint32((s + 1) * SEGMENT), m)
+            while low < end:
+                high = min(np.uint32(low + np.uint32(BLOCK)), end)
+                moments(a, b, c, area, radius, result[7], lanes[6], lanes[7], low, high)
+                low = high
+            sums[s, 6], sums[s, 7] = lanes[6].sum(), lanes[7].sum()
+    if passes & SPREAD:
+        # The variance about a radius, less the square of what that is off the mean by: no digits are lost.
+        weight = 6 * result[0]
+        if weight == 0:
+            result[6] = np.inf
+        else:
+            off = total(sums, 6) / weight
+            variance = total(sums, 7) / weight - off * off
+            variance = variance if variance > 0 else 0.0 * variance
+            result[6] = math.sqrt(variance) / (result[7] + off)

@@ -10,13 +10,20 @@ from spherify.geometry.kernels.passes.relaxation import greatest_of, relax, weig
 from spherify.geometry.kernels.passes.selection import percentiles
 from spherify.geometry.kernels.passes.types import (
     CONSTANT,
+    EXTREMES,
+    HOLD,
+    MOVE,
     MOVED,
     NOT_FINITE,
+    RELAX,
+    VERTICES,
     Buffers,
     Connectivity,
+    Found,
     Index,
     Mode,
     Scratch,
+    Task,
 )
 from spherify.geometry.kernels.passes.vertices import vertex_pass
 from spherify.geometry.transformation import EQUAL_CURVATURE
@@ -62,28 +69,34 @@ def hold(mesh: Connectivity, use: Buffers, back: bool) -> None:
 
 
 @entry
-def transform(
-    mesh: Connectivity, use: Buffers, scratch: Scratch, mode: Mode, k_in: int, k_out: int,
-    step: float, relaxation: float,
-) -> int:  # fmt: skip
-    """Apply T to ``use.position``: k_in inward, then k_out outward elementary steps, on one thread.
+def work(mesh: Connectivity, use: Buffers, scratch: Scratch, mode: Mode, task: Task) -> Found:
+    """Apply T to ``use.position``, or do one thread's part of one pass of an elementary step; see `Task`.
 
-    Returns:
-        MOVED; or CONSTANT or NOT_FINITE, if the curvature became so, and the positions mean nothing.
-
+    One function for both: what takes long to compile, the vertices, is compiled once.
     """
-    zero, n, runs = np.uint32(0), np.uint32(use.curvature.size), mesh.runs.shape[0]
-    for i in range(k_in + k_out):
-        lowest, highest, finite = vertex_pass(mesh, use, scratch, mode, 0, runs)
-        if not finite:
-            return NOT_FINITE
-        K_min, K_max = extremes(use, mode, lowest, highest)
-        if not K_min < K_max:
-            return CONSTANT
-        hold(mesh, use, False)
-        move_some(use, mode, K_min, K_max, step, i >= k_in, relaxation <= 0, zero, n)
-        if relaxation > 0:
-            weigh(use.area, mode.relaxation_exponent, greatest_of(use.area, zero, n), zero, n)
-            relax(mesh, use, scratch, relaxation, 0, runs)
-        hold(mesh, use, True)
-    return MOVED
+    end, found = MOVED, Found(MOVED, np.inf, -np.inf, 0.0)
+    for i in range(task.k_in + task.k_out):
+        K_min, K_max, greatest = task.K_min, task.K_max, task.greatest
+        if task.passes & VERTICES:
+            K_min, K_max, finite = vertex_pass(mesh, use, scratch, mode, task.first_run, task.last_run)
+            exponent = mode.relaxation_exponent
+            if task.relaxation > 0 and exponent != 0 and exponent != 1:  # noqa: PLR1714 - a set would be allocated
+                greatest = greatest_of(use.area, task.first, task.last)
+            end = MOVED if finite else NOT_FINITE
+        if task.passes & EXTREMES and end == MOVED:
+            K_min, K_max = extremes(use, mode, K_min, K_max)
+            end = MOVED if K_min < K_max else CONSTANT
+            hold(mesh, use, False)
+        found = Found(end, K_min, K_max, greatest)
+        if end != MOVED:
+            break
+        if task.passes & MOVE:
+            in_place, outward = task.relaxation <= 0, i >= task.k_in
+            move_some(use, mode, K_min, K_max, task.step, outward, in_place, task.first, task.last)
+            if task.relaxation > 0:
+                weigh(use.area, mode.relaxation_exponent, greatest, task.first, task.last)
+        if task.passes & RELAX:
+            relax(mesh, use, scratch, task.relaxation, task.first_run, task.last_run)
+        if task.passes & HOLD:
+            hold(mesh, use, True)
+    return found

@@ -20,6 +20,13 @@ MOVED: Final = 0
 CONSTANT: Final = 1  # the curvature is the same everywhere
 NOT_FINITE: Final = 2  # a curvature is not a number, or infinite
 
+# The passes of an elementary step, in this order; a task names some.
+VERTICES: Final = 1
+EXTREMES: Final = 2  # by one thread
+MOVE: Final = 4
+RELAX: Final = 8
+HOLD: Final = 16  # by one thread
+
 NONE: Final = 0xFFFFFFFF  # no such index
 RING: Final = 1  # the neighbours of a run are in order, all around; 0: they are in any
 
@@ -102,3 +109,53 @@ class Mode(NamedTuple):
     window: tuple[float, float]
     step_bound: float
     relaxation_exponent: float
+
+
+class Task(NamedTuple):
+    """What `spherify.geometry.kernels.passes.step.work` is to do, in ``k_in`` inward and ``k_out`` outward steps.
+
+    Attributes:
+        passes: VERTICES + …; all of them for one thread, one at a time for several.
+        first: first vertex of the part.
+        last: one behind its last.
+        first_run: the run that ``first`` begins.
+        last_run: one behind the run that ``last`` ends.
+        k_in: inward elementary steps.
+        k_out: outward ones.
+        step: C.
+        relaxation: fraction of the umbrella vector.
+        K_min: as EXTREMES takes them and leaves them.
+        K_max: as above.
+        greatest: area at a vertex, for its weight.
+
+    """
+
+    passes: int
+    first: np.uint32
+    last: np.uint32
+    first_run: int
+    last_run: int
+    k_in: int
+    k_out: int
+    step: float
+    relaxation: float
+    K_min: float = np.inf
+    K_max: float = -np.inf
+    greatest: float = 0.0
+
+
+class Found(NamedTuple):
+    """What a task has found, of the last elementary step.
+
+    Attributes:
+        end: MOVED; or CONSTANT or NOT_FINITE, if the curvature became so, and the positions mean nothing.
+        K_min: least K of the part, or that of the window after EXTREMES.
+        K_max: greatest.
+        greatest: area at a vertex.
+
+    """
+
+    end: int
+    K_min: float
+    K_max: float
+    greatest: float

@@ -1,0 +1,68 @@
+"""The memory the passes write to: allocated once a kernel, and never within a step."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from spherify.geometry.kernels.passes import rings, selection, shape
+from spherify.geometry.kernels.passes.types import Buffers, Scratch
+from spherify.geometry.mesh import Floats
+
+LINE = 8  # numbers in a cache line; rows that begin with one are read in one go
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Space:
+    """What `spherify.geometry.kernels.passes.shape.measure` writes.
+
+    Attributes:
+        area: (m,)
+        lanes: (SUMS, BLOCK and a little) for each thread.
+        sums: (segments, SUMS)
+        result: (RESULTS,)
+
+    """
+
+    area: Floats
+    lanes: list[Floats]
+    sums: Floats
+    result: Floats
+
+    @classmethod
+    def of(cls, m: int, threads: int) -> Space:
+        """Allocate it for m faces."""
+        lanes = [aligned(shape.SUMS, shape.BLOCK + LINE) for _ in range(threads)]
+        return cls(
+            np.empty(m), lanes, np.empty((-(-m // shape.SEGMENT), shape.SUMS)), np.empty(shape.RESULTS)
+        )
+
+
+def buffers(n: int, n_held: int) -> Buffers:
+    """Allocate what the passes write, for n vertices of which some are held."""
+    return Buffers(
+        position=np.empty((3, n)),
+        moved=np.empty((3, n)),
+        normal=np.empty((3, n)),
+        curvature=np.empty(n),
+        area=np.empty(n),
+        altitude=np.empty(n),
+        held_position=np.empty((3, n_held)),
+        bins=np.empty(n, dtype=np.uint16),
+        chosen=np.empty((2, n)),
+        counts=np.empty(selection.BINS, dtype=np.int64),
+        sample=np.empty(selection.SAMPLE),
+    )
+
+
+def scratch() -> Scratch:
+    """Allocate what one thread writes for one block."""
+    return Scratch(aligned(rings.ROWS, rings.STRIDE), np.empty(rings.STRIDE, dtype=np.int64))
+
+
+def aligned(rows: int, columns: int) -> Floats:
+    """Allocate (rows, columns) that begin with a cache line."""
+    space = np.empty(rows * columns + LINE)
+    start = -(space.ctypes.data // space.itemsize) % LINE
+    return space[start : start + rows * columns].reshape(rows, columns)

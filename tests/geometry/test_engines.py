@@ -1,0 +1,184 @@
+"""Which engine computes, with how many threads, and from when on it can."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from spherify.geometry.config import Stage
+from spherify.geometry.errors import InvalidCheckpointError, InvalidConfigError
+from spherify.geometry.flow import engine_for, flow
+from spherify.geometry.kernels import default_engine, get_engine
+from spherify.geometry.kernels.compiled import WORTH_SHARING, CompiledEngine
+from spherify.geometry.presets import PRESETS
+from spherify.geometry.topology import Topology
+from tests.geometry.shapes import open_bump, sample
+
+ROBUST = PRESETS["robust"].config
+WITHOUT_NUMBA = (
+    "import sys; sys.modules['numba'] = None\n"  # importing it fails, as where it is not installed
+)
+
+
+@pytest.fixture(scope="module")
+def large():
+    mesh = sample("stone", WORTH_SHARING + 3000)
+    return mesh, Topology.of(len(mesh.vertices), mesh.faces)
+
+
+@pytest.mark.parametrize("exponent", [0.0, 1.0, 1.5])
+@pytest.mark.parametrize("preset", ["paper", "robust"])
+def test_the_same_bytes_with_any_number_of_threads(large, preset, exponent):
+    mesh, topology = large
+    V = np.array(mesh.vertices)
+    config = replace(PRESETS[preset].config, relaxation_exponent=exponent)
+    kernels = [CompiledEngine(threads).prepare(topology, config) for threads in (1, 2, 3)]
+    moved = [kernel.transform(V, Stage(1, 2, 1), 1e-3, config.relaxation) for kernel in kernels]
+    assert np.abs(moved[0] - V).max() > 1e-5
+    shapes = [kernel.shape(moved[0]) for kernel in kernels]
+    for positions, shape in zip(moved[1:], shapes[1:], strict=True):
+        assert positions.tobytes(order="C") == moved[0].tobytes(order="C")
+        assert repr(shape) == repr(shapes[0])
+
+
+def test_threads_on_an_open_mesh_that_is_held():
+    mesh = open_bump(160)
+    assert len(mesh.vertices) > WORTH_SHARING
+    topology = Topology.of(len(mesh.vertices), mesh.faces)
+    V = np.array(mesh.vertices)
+    one, two = (
+        CompiledEngine(t).prepare(topology, ROBUST).transform(V, Stage(1, 1, 1), 1e-4, 0.5) for t in (1, 2)
+    )
+    assert (one == two).all()
+    assert (one[topology.boundary_vertices] == V[topology.boundary_vertices]).all()
+
+
+def test_the_end_is_the_same_with_threads(large):
+    mesh, topology = large
+    V = np.array(mesh.vertices)
+    V[7, 1] = np.nan
+    kernels = [CompiledEngine(threads).prepare(topology, ROBUST) for threads in (1, 2)]
+    with np.errstate(all="ignore"):
+        one, two = (kernel.transform(V, Stage(1, 1, 1), 1e-3, 0.5) for kernel in kernels)
+    assert np.array_equal(one, two, equal_nan=True)
+
+
+def test_compiled_is_the_default():
+    assert default_engine().name == "compiled"
+    mesh, config = sample("stone", 200), replace(ROBUST, iterations=2)
+    by_default = list(flow(mesh, config))[-1].vertices
+    assert (by_default == list(flow(mesh, config, engine="compiled"))[-1].vertices).all()
+
+
+def test_where_numba_cannot_be_loaded():
+    code = (
+        WITHOUT_NUMBA + "from spherify.geometry.kernels import default_engine, get_engine\n"
+        "said = []\n"
+        "assert default_engine(2, said.append).name == 'reference'\n"
+        "assert len(said) == 1 and 'numba' in said[0] and '\\n' not in said[0], said\n"
+        "from spherify.geometry.errors import InvalidConfigError\n"
+        "try: get_engine('compiled')\n"
+        "except InvalidConfigError as e: assert 'numba' in str(e)\n"
+        "else: raise SystemExit('not refused')"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_the_reference_has_one_thread():
+    with pytest.raises(InvalidConfigError, match="one thread"):
+        get_engine("reference", threads=2)
+
+
+@pytest.mark.parametrize("engine", ["reference", "compiled"])
+def test_a_run_stays_with_the_engine_that_began_it(engine):
+    mesh, config = sample("stone", 200), replace(ROBUST, iterations=6)
+    states = list(flow(mesh, config, engine=engine))
+    checkpoint = states[2].checkpoint()
+    assert engine_for(mesh, config, checkpoint).name == engine
+    for asked in ("reference", "compiled", None):
+        chosen = engine_for(mesh, config, checkpoint, engine=asked)
+        assert chosen.name == engine, "what is begun decides, not what is asked for"
+    rest = list(flow(mesh, config, resume=checkpoint))
+    assert rest[-1].vertices.tobytes() == states[-1].vertices.tobytes()
+
+
+def test_a_new_run_is_by_whoever_is_asked():
+    mesh, config = sample("stone", 200), replace(ROBUST, iterations=6)
+    assert engine_for(mesh, config, None, engine="reference").name == "reference"
+    assert engine_for(mesh, config, None, engine="compiled", threads=2).threads == 2
+
+
+def test_a_run_of_the_compiled_engine_is_not_gone_on_with_by_the_other():
+    """As on a worker without numba: the checkpoint is refused, and the run begun anew."""
+    mesh, config = sample("stone", 200), replace(ROBUST, iterations=6)
+    checkpoint = list(flow(mesh, config, engine="compiled"))[2].checkpoint()
+    with pytest.raises(InvalidCheckpointError, match="another engine"):
+        flow(mesh, config, engine="reference", resume=checkpoint)
+
+
+def test_machine_code_is_made_once(tmp_path):
+    """Warmed in one process, at hand in the next, where the folder can be written and where it cannot be any more."""
+    code = (
+        "import sys; from spherify.geometry.kernels.passes.jit import entry, kept\n"
+        "from spherify.geometry.kernels.passes import fans\n"
+        "print(kept(fans.walk)); import numpy as np\n"
+        "from spherify.geometry.kernels.numbering import Numbering\n"
+        "from spherify.geometry.topology import Topology\n"
+        "Numbering.of(Topology.of(4, np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])), np.zeros(0, dtype=int))\n"
+        "print(kept(fans.walk), sum(fans.walk.stats.cache_hits.values()), sum(fans.walk.stats.cache_misses.values()))"
+    )
+
+    def said() -> list[str]:
+        run = subprocess.run(
+            [sys.executable, "-c", code],
+            env={"NUMBA_CACHE_DIR": str(tmp_path), "PATH": "/usr/bin"},
+            check=True,
+            capture_output=True,
+            text=True,
+        )
+        return run.stdout.split()
+
+    assert said() == ["False", "True", "0", "1"]
+    assert said() == ["True", "True", "1", "0"]
+    tmp_path.chmod(0o500)
+    assert said() == ["True", "True", "1", "0"]
+    tmp_path.chmod(0o700)
+
+
+def test_no_allocation_within_the_loop():
+    from numba.core.runtime import _nrt_python, rtsys
+
+    mesh = sample("head", 1500)
+    kernel = CompiledEngine().prepare(Topology.of(len(mesh.vertices), mesh.faces), ROBUST)
+    V = np.array(mesh.vertices)
+
+    def allocated(stage: Stage) -> int:
+        before = rtsys.get_allocation_stats()
+        kernel.transform(V, stage, 1e-6, 0.5)
+        return rtsys.get_allocation_stats().alloc - before.alloc
+
+    _nrt_python.memsys_enable_stats()
+    try:
+        for_a_call = allocated(Stage(1, 1, 1))  # handing over arrays takes some
+        assert allocated(Stage(1, 50, 50)) == for_a_call
+    finally:
+        _nrt_python.memsys_disable_stats()
+
+
+def test_memory_above_the_mesh():
+    """580 bytes a vertex for a whole run, topology, checkpoints and best state included; some room is left here."""
+    code = (
+        "from pathlib import Path; from dataclasses import replace\n"
+        "from spherify.geometry.flow import flow; from spherify.geometry.kernels import get_engine\n"
+        "from spherify.geometry.presets import PRESETS; from spherify.geometry.samples import SAMPLES\n"
+        "def most(): return int(Path('/proc/self/status').read_text().split('VmHWM:')[1].split()[0]) * 1024\n"
+        "engine = get_engine('compiled'); engine.warm(); mesh = SAMPLES['stone'].build(160_000); before = most()\n"
+        "for state in flow(mesh, replace(PRESETS['robust'].config, iterations=3), engine=engine): pass\n"
+        "print((most() - before) / len(mesh.vertices))"
+    )
+    run = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    assert 100 < float(run.stdout) < 700
