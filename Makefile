@@ -2,6 +2,9 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+WEB := service/web
+NPM := $(BIN)/python $(WEB)/npm.py
+PAGE := $(WEB)/dist/index.html
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
 MAKEFLAGS += --no-print-directory
@@ -11,9 +14,9 @@ MAKEFLAGS += --no-print-directory
 help: ## list the verbs
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-10s %s\n", $$1, $$2}'
 
-setup: $(VENV)/.runtime ## make .venv with what the service, the worker and the command line need
+setup: $(VENV)/.runtime $(PAGE) ## make .venv with what the service, the worker and the command line need, and build the web page
 
-setup-dev: $(VENV)/.dev ## the same with what lint and tests need
+setup-dev: $(VENV)/.dev $(PAGE) ## the same with what lint and tests need
 
 $(VENV)/bin/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
@@ -31,16 +34,24 @@ $(VENV)/.dev: requirements/dev.lock $(VENV)/.runtime
 	@$(PIP) install --require-hashes -r requirements/dev.lock
 	@touch $@
 
-lint: setup-dev ## ruff, mypy strict
+$(PAGE): $(shell find $(WEB)/src $(WEB)/public -type f -not -path '*/generated/*' 2>/dev/null) \
+		$(wildcard $(WEB)/*.html $(WEB)/*.json $(WEB)/*.ts) openapi/openapi.json | $(VENV)/.runtime
+	@echo "Building the web page …"
+	@$(NPM) run --silent build
+
+lint: setup-dev ## ruff, mypy strict; tsc, eslint and prettier for the web page
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(NPM) run --silent lint
 
 format: setup-dev ## rewrite in the house format
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
+	$(NPM) run --silent format
 
-test: setup-dev ## set up, then every test
+test: setup-dev ## set up, then every test, the web page's too
+	$(NPM) run --silent test
 	$(BIN)/python -m pytest --numprocesses auto --dist worksteal $(ARGS)
 
 drills: setup-dev ## faults at their full numbers, up to hours; ARGS="-k campaign" for one of them
@@ -65,4 +76,4 @@ lock: ## make the lock files anew from pyproject.toml (needs uv)
 	  --extra s3 --group build --group dev pyproject.toml -c requirements/runtime.lock -o requirements/dev.lock
 
 clean: ## remove .venv and everything made from the sources
-	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) $(WEB)/node_modules $(WEB)/dist $(WEB)/src/generated build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -1,4 +1,4 @@
-"""The composition root of the HTTP service: `uvicorn --factory service.app:create_app`."""
+"""The composition root of the HTTP service: `python -m service`."""
 
 from __future__ import annotations
 
@@ -19,7 +19,8 @@ from service.context import Services, Stores
 from service.description import DESCRIPTION, TAGS, describe
 from service.logs import set_up as set_up_logs
 from service.middleware import EXPOSED, REQUEST_ID, Cors, ErrorGuard, RequestContext
-from service.routes import arrays, continuations, events, jobs, meshes, pages, service, snapshots
+from service.routes import arrays, continuations, events, jobs, meshes, pages, service, site, snapshots
+from service.site import Site
 from service.stopping import on_stop
 from spherify import __version__
 from spherify.settings import Settings
@@ -68,8 +69,9 @@ def create_app(settings: Settings | None = None, stores: Stores | None = None) -
         lifespan=lifespan,
         middleware=_middleware(settings),
     )
+    app.state.site = Site()
     app.state.services = services
-    for part in (jobs, continuations, events, snapshots, arrays, meshes, service, pages):
+    for part in (jobs, continuations, events, snapshots, arrays, meshes, service, pages, site):
         app.include_router(part.router)
     app.state.methods_at = _methods_at(app)
     add_handlers(app)

@@ -31,12 +31,13 @@ def page(title: str, body: str) -> str:
     )
 
 
-def landing(base_url: str) -> str:
-    """Return the page at `/`."""
+def landing(base_url: str, told: str) -> str:
+    """Return the page at `/` of a service whose web page is not built; `told` says so."""
     base = html.escape(base_url.rstrip("/"))
     return page(
         "Spherify",
         f"""<h1>Spherify</h1>
+<p><strong>{_prose(told)}</strong></p>
 <p>A service that morphs closed triangle meshes into round spheres by Vartziotis's curvature transformation
 (<a href="https://arxiv.org/abs/1608.03898">arXiv:1608.03898</a>). Version {__version__}.</p>
 <p>Send a mesh; the answer is a job, and its <code>id</code> goes in the place of <code>$JOB</code>:</p>

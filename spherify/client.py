@@ -79,6 +79,17 @@ class Client:
         """Return a job as it is now; raises `ServiceError`."""
         return self._json("GET", f"/v1/jobs/{job_id}")
 
+    def jobs(self, tag: str | None = None) -> list[dict[str, Any]]:
+        """Return the newest jobs, at most 50, those with a tag if one is named; raises `ServiceError`."""
+        items: list[dict[str, Any]] = self._json("GET", "/v1/jobs", params={"tag": tag} if tag else {})[
+            "items"
+        ]
+        return items
+
+    def info(self) -> dict[str, Any]:
+        """Return what the service says about itself; raises `ServiceError`."""
+        return self._json("GET", "/v1/info")
+
     def cancel(self, job_id: str) -> dict[str, Any]:
         """Ask for the end of a job; raises `ServiceError`."""
         return self._json("POST", f"/v1/jobs/{job_id}/cancel")

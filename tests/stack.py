@@ -96,11 +96,12 @@ class Stack:
         process.send_signal(number)
         return process.wait(30)
 
-    def start_api(self) -> None:
-        """Start the API on a free port and wait until it answers."""
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            port = probe.getsockname()[1]
+    def start_api(self, port: int | None = None) -> subprocess.Popen[bytes]:
+        """Start the API on a port, a free one by default, and wait until it answers."""
+        if port is None:
+            with socket.socket() as probe:
+                probe.bind(("127.0.0.1", 0))
+                port = probe.getsockname()[1]
         process = self._start("api", [sys.executable, "-m", "service", f"--port={port}"])
         self.url = f"http://127.0.0.1:{port}"
         wait_for(
@@ -108,6 +109,7 @@ class Stack:
             limit_s=READY_S,
             what=f"the API, see {self.log('api')}",
         )
+        return process
 
     def log(self, name: str) -> Path:
         """Return the file with everything a process wrote."""

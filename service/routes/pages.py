@@ -12,12 +12,6 @@ from service.problems import ProblemError
 router = APIRouter(include_in_schema=False)
 
 
-@router.get("/")
-async def landing(request: Request) -> Response:
-    """Say what this is."""
-    return HTMLResponse(pages.landing(str(request.base_url)))
-
-
 @router.get("/docs")
 async def documentation(request: Request) -> Response:
     """Return the OpenAPI document as a page."""

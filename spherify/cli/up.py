@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import threading
 import time
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -13,6 +14,7 @@ from pydantic import ValidationError
 
 from spherify import __version__
 from spherify.cli.console import COLOURS, REFUSED, fail
+from spherify.cli.gallery import Gallery
 from spherify.cli.interruption import interruptible
 from spherify.cli.stack import LOOK_S, Address, Stack, StackError
 from spherify.settings import Settings
@@ -21,6 +23,7 @@ from spherify.stores.embedded import EmbeddedServerError
 BANNER: Final = """
 Spherify {version} is ready.
 
+  web page       {url}
   API            {url}/v1
   documentation  {url}/docs
   data           {data} (kept between runs)
@@ -46,6 +49,9 @@ def up(
         typer.Option(metavar="DIR", help="Folder for everything that is kept; SPHERIFY_DATA_DIR by default."),
     ] = None,
     workers: Annotated[int, typer.Option(min=1, max=256, help="Jobs computed at the same time.")] = 1,
+    gallery: Annotated[
+        bool, typer.Option(help="Make a run of each sample shape at the first start, for the web page.")
+    ] = True,
 ) -> None:
     """Run the service on this machine until Ctrl-C: API, workers, and a server of its own unless REDIS_URL is set."""
     settings = _settings()
@@ -67,9 +73,10 @@ def up(
                     )
                     if not stack.on_loopback:
                         print_plain(OPEN_DOOR.format(port=stack.port))
-                while not stopping:
-                    stack.tend()
-                    time.sleep(LOOK_S)
+                with Gallery(stack.url, say) if gallery and not stopping else nullcontext():
+                    while not stopping:
+                        stack.tend()
+                        time.sleep(LOOK_S)
                 say("spherify", "stopping …")
         except (StackError, EmbeddedServerError) as e:
             fail(str(e))

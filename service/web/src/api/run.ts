@@ -1,0 +1,93 @@
+import { Emitter } from '../core/emitter';
+import { afterEvent, withRows, type RunEvent, type RunState } from '../core/job';
+import type { Api } from './client';
+import { Follow, type Connection } from './follow';
+import { asProblem, type Problem } from './problem';
+
+const SERIES_MS = 4000;
+
+/** A job as it goes: its record, its kept states and its figures, always the newest there are. */
+export class Run extends Emitter {
+  state: RunState | null = null;
+  problem: Problem | null = null;
+  connection: Connection = 'ended';
+  private follow: Follow | null = null;
+  private timer: ReturnType<typeof setTimeout> | undefined;
+  private closed = false;
+
+  constructor(
+    private readonly api: Api,
+    readonly id: string,
+  ) {
+    super();
+    void this.open();
+  }
+
+  /** Begin again after a failure. */
+  async open(): Promise<void> {
+    this.problem = null;
+    try {
+      const job = await this.api.job(this.id);
+      if (this.isClosed()) return;
+      this.state = { job, states: job.snapshots.available, rows: this.state?.rows ?? [] };
+      if (!job.done) this.listen();
+      this.changed();
+      await this.series();
+    } catch (thrown) {
+      this.problem = asProblem(thrown);
+      this.changed();
+      if (this.problem.passing && !this.isClosed()) this.timer = setTimeout(() => void this.open(), 2000);
+    }
+  }
+
+  close(): void {
+    this.closed = true;
+    this.follow?.close();
+    clearTimeout(this.timer);
+  }
+
+  private isClosed(): boolean {
+    return this.closed; // it may be closed while something is awaited
+  }
+
+  private listen(): void {
+    this.follow?.close();
+    this.follow = new Follow(
+      this.api,
+      this.id,
+      (event) => {
+        this.take(event);
+      },
+      (connection) => {
+        if (connection === this.connection) return;
+        this.connection = connection;
+        this.changed();
+      },
+    );
+  }
+
+  private take(event: RunEvent): void {
+    if (this.state === null) return;
+    const before = this.state;
+    this.state = afterEvent(before, event);
+    if (this.state === before) return;
+    if (this.state.job.done && !before.job.done) void this.series();
+    this.changed();
+  }
+
+  /** Fetch the whole time series: events bring two rows a second, and the service has every iteration. */
+  private async series(): Promise<void> {
+    clearTimeout(this.timer);
+    const done = this.state?.job.done ?? true;
+    try {
+      const { rows } = await this.api.metrics(this.id);
+      if (this.state !== null && !this.isClosed()) {
+        this.state = withRows(this.state, rows);
+        this.changed();
+      }
+    } catch (thrown) {
+      if (!asProblem(thrown).passing) return; // deleted: the record tells
+    }
+    if (!done && !this.isClosed()) this.timer = setTimeout(() => void this.series(), SERIES_MS);
+  }
+}

@@ -1,0 +1,103 @@
+import type { Figures, Job, Progress, Row } from '../api/types';
+
+/** What the events of a job do to what is known of it. No network here: `api/follow.ts` brings them. */
+
+/** What is known of a run. */
+export interface RunState {
+  readonly job: Job;
+  /** Iterations of the kept states, ascending. */
+  readonly states: readonly number[];
+  /** The figures so far, ascending in iteration. */
+  readonly rows: readonly Row[];
+}
+
+export interface ProgressEvent {
+  readonly rev: number;
+  readonly status: Job['status'];
+  readonly progress: Progress;
+  readonly metrics: Figures | null;
+}
+
+export type RunEvent =
+  | { readonly kind: 'status' | 'done'; readonly job: Job }
+  | { readonly kind: 'progress'; readonly progress: ProgressEvent }
+  | { readonly kind: 'snapshot'; readonly iteration: number };
+
+/** Return the state after an event; one that is older than what is known changes nothing it should not. */
+export function afterEvent(state: RunState, event: RunEvent): RunState {
+  switch (event.kind) {
+    case 'status':
+    case 'done':
+      return withJob(state, event.job);
+    case 'snapshot':
+      return { ...state, states: withState(state.states, event.iteration) };
+    case 'progress': {
+      const { rev, status, progress, metrics } = event.progress;
+      if (rev < state.job.rev || state.job.done) return state;
+      const job = { ...state.job, rev, status, progress, metrics: metrics ?? state.job.metrics };
+      const rows = metrics ? withRow(state.rows, { ...metrics, iteration: progress.iteration }) : state.rows;
+      return { ...state, job, rows };
+    }
+  }
+}
+
+/** Take a newer record of the job over. */
+export function withJob(state: RunState, job: Job): RunState {
+  if (job.rev < state.job.rev) return state;
+  let states = state.states;
+  for (const iteration of job.snapshots.available) states = withState(states, iteration);
+  return { ...state, job, states };
+}
+
+/** Put a whole time series in the place of what was gathered from events, and keep what is newer than it. */
+export function withRows(state: RunState, rows: readonly Row[]): RunState {
+  const last = rows.at(-1)?.iteration ?? -1;
+  return { ...state, rows: [...rows, ...state.rows.filter((row) => row.iteration > last)] };
+}
+
+function withState(states: readonly number[], iteration: number): readonly number[] {
+  if (states.includes(iteration)) return states;
+  return [...states, iteration].sort((a, b) => a - b);
+}
+
+function withRow(rows: readonly Row[], row: Row): readonly Row[] {
+  const last = rows.at(-1);
+  if (last === undefined || last.iteration < row.iteration) return [...rows, row];
+  return rows; // it is there, or the run was taken up again from before
+}
+
+/** Return the figures at an iteration: those of the row there, or of the last one before. */
+export function figuresAt(rows: readonly Row[], iteration: number): Row | null {
+  let low = 0;
+  let high = rows.length;
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if ((rows[middle]?.iteration ?? 0) <= iteration) low = middle + 1;
+    else high = middle;
+  }
+  return rows[low - 1] ?? rows[0] ?? null;
+}
+
+const REASONS: Readonly<Record<string, string>> = {
+  iterations: 'all iterations done',
+  converged: 'round enough',
+  stalled: 'nothing gets better any more',
+  'constant-curvature': 'the curvature is the same everywhere',
+  deadline: 'time was up',
+  collapsed: 'the surface turned inside out',
+  cancelled: 'cancelled on request',
+};
+
+/** Say in a few words how the mathematics ended. */
+export function reason(job: Job): string {
+  return job.stop_reason === null ? '' : (REASONS[job.stop_reason] ?? job.stop_reason);
+}
+
+export const STATUS_WORDS: Readonly<Record<Job['status'], string>> = {
+  accepted: 'Waiting',
+  running: 'Running',
+  cancelling: 'Cancelling',
+  successful: 'Done',
+  failed: 'Failed',
+  cancelled: 'Cancelled',
+};

@@ -1,0 +1,61 @@
+import type { JobRequest } from '../api/client';
+
+/** The same request for a terminal and for a program: what the page does, anyone can. */
+
+/** Return the request as a line of curl; `file` stands for the mesh if it is to be sent along. */
+export function curl(origin: string, request: JobRequest): string {
+  return `curl --json ${quoted(JSON.stringify(request))} ${origin}/v1/jobs`;
+}
+
+/** Return the request as a Python program that waits for the result and saves it. */
+export function python(origin: string, request: JobRequest): string {
+  return `import time
+import httpx
+
+with httpx.Client(base_url="${origin}", timeout=60) as http:
+    job = http.post("/v1/jobs", json=${literal(request as unknown as Json, 1)}).raise_for_status().json()
+    while not job["done"]:
+        time.sleep(1)
+        job = http.get(f"/v1/jobs/{job['id']}").raise_for_status().json()
+    print(job["status"], job["stop_reason"], job["metrics"]["sphericity"])
+    mesh = http.get(f"/v1/jobs/{job['id']}/snapshots/final.ply").raise_for_status()
+    with open("final.ply", "wb") as file:
+        file.write(mesh.content)
+`;
+}
+
+/** Return the request again for a job that there is: what it was asked for with. */
+export function requestOf(job: {
+  readonly mesh_id: string;
+  readonly preset: string;
+  readonly parameters: unknown;
+  readonly snapshots: { readonly requested: readonly number[] };
+  readonly name: string;
+}): JobRequest {
+  const parameters = job.parameters as Readonly<Record<string, unknown>>;
+  return {
+    mesh_id: job.mesh_id,
+    preset: job.preset,
+    parameters,
+    snapshots: job.snapshots.requested,
+    name: job.name,
+  };
+}
+
+type Json = null | boolean | number | string | readonly Json[] | { readonly [name: string]: Json };
+
+function quoted(text: string): string {
+  return `'${text.replaceAll("'", String.raw`'\''`)}'`;
+}
+
+function literal(value: Json, depth: number): string {
+  if (value === null) return 'None';
+  if (typeof value === 'boolean') return value ? 'True' : 'False';
+  if (Array.isArray(value)) return `[${value.map((item: Json) => literal(item, depth + 1)).join(', ')}]`;
+  if (typeof value !== 'object') return JSON.stringify(value);
+  const pad = '    '.repeat(depth);
+  const rows = Object.entries(value).map(
+    ([name, inner]) => `${pad}    ${JSON.stringify(name)}: ${literal(inner, depth + 1)},\n`,
+  );
+  return rows.length === 0 ? '{}' : `{\n${rows.join('')}${pad}}`;
+}

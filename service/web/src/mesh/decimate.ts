@@ -1,0 +1,83 @@
+import type { Surface } from './types';
+
+/** Above this many triangles the page draws fewer, and says so. */
+export const MOST_TRIANGLES = 400_000;
+
+/** A coarser surface over a choice of the same vertices, so that it can be drawn at every state of a run. */
+export interface Decimation {
+  readonly index: Uint32Array<ArrayBuffer>;
+  /** The whole mesh's number of each vertex kept; null if all are. */
+  readonly kept: Uint32Array<ArrayBuffer> | null;
+}
+
+/**
+ * Lay a grid over the surface and draw one vertex for all in a cell (Rossignac and Borrel 1993): of each triangle
+ * whose corners lie in three cells one is left. The grid is refined until the target is met from below.
+ */
+export function decimate(surface: Surface, most = MOST_TRIANGLES): Decimation {
+  if (surface.index.length / 3 <= most) return { index: surface.index, kept: null };
+  // A surface of T triangles fills about T / 2 cells of a grid as fine as its edges; with g cells along the longest
+  // side it meets some c·g² of them. One coarse try finds c.
+  let grid = 64;
+  let found = cluster(surface, grid);
+  for (let attempt = 0; attempt < 4; attempt++) {
+    const triangles = found.index.length / 3;
+    if (triangles <= most && triangles > 0.5 * most) break;
+    grid = Math.max(8, Math.floor(grid * Math.sqrt((0.85 * most) / Math.max(triangles, 1))));
+    found = cluster(surface, grid);
+  }
+  return found;
+}
+
+function cluster({ positions, index }: Surface, grid: number): Decimation {
+  const low = [Infinity, Infinity, Infinity];
+  const high = [-Infinity, -Infinity, -Infinity];
+  for (let i = 0; i < positions.length; i++) {
+    const value = positions[i] ?? 0;
+    low[i % 3] = Math.min(low[i % 3] ?? 0, value);
+    high[i % 3] = Math.max(high[i % 3] ?? 0, value);
+  }
+  const size = Math.max(...high.map((top, axis) => top - (low[axis] ?? 0))) || 1;
+  const scale = (grid - 1e-6) / size;
+  const cells = new Map<number, number>();
+  const kept: number[] = [];
+  const number = new Uint32Array(positions.length / 3);
+  for (let v = 0; v < number.length; v++) {
+    const [x, y, z] = [0, 1, 2].map((axis) =>
+      Math.floor(((positions[3 * v + axis] ?? 0) - (low[axis] ?? 0)) * scale),
+    );
+    const cell = ((z ?? 0) * grid + (y ?? 0)) * grid + (x ?? 0);
+    let representative = cells.get(cell);
+    if (representative === undefined) {
+      representative = kept.length;
+      cells.set(cell, representative);
+      kept.push(v);
+    }
+    number[v] = representative;
+  }
+  const coarse = new Uint32Array(index.length);
+  let length = 0;
+  for (let t = 0; t < index.length; t += 3) {
+    const a = number[index[t] ?? 0] ?? 0;
+    const b = number[index[t + 1] ?? 0] ?? 0;
+    const c = number[index[t + 2] ?? 0] ?? 0;
+    if (a === b || b === c || c === a) continue;
+    coarse[length++] = a;
+    coarse[length++] = b;
+    coarse[length++] = c;
+  }
+  return { index: coarse.slice(0, length), kept: Uint32Array.from(kept) };
+}
+
+/** Pick the kept vertices out of `width` numbers a vertex. */
+export function pick(
+  values: Float32Array<ArrayBuffer>,
+  kept: Uint32Array | null,
+  width: number,
+): Float32Array<ArrayBuffer> {
+  if (kept === null) return values;
+  const picked = new Float32Array(kept.length * width);
+  for (let i = 0; i < kept.length; i++)
+    for (let c = 0; c < width; c++) picked[i * width + c] = values[(kept[i] ?? 0) * width + c] ?? 0;
+  return picked;
+}

@@ -1,0 +1,127 @@
+import { describe, expect, it } from 'vitest';
+import { decimate, pick } from './decimate';
+import { faultsOf } from './faults';
+import { vertexNormals } from './normals';
+import { NoPreviewError, obj, off, parse } from './parse';
+import { boundsOf } from './types';
+import { weld } from './weld';
+
+const CUBE = `# a box of quads
+v -1 -1 -1
+v 1 -1 -1
+v 1 1 -1
+v -1 1 -1
+v -1 -1 1
+v 1 -1 1
+v 1 1 1
+v -1 1 1
+f 4 3 2 1
+f 5/1/1 6/2/1 7/3/1 8/4/1
+f 1 2 6 5
+f 2 3 7 6
+f 3 4 8 7
+f -8 -4 -1 -5
+`;
+const withoutLid = CUBE.replace(/f 5.*\n/, '');
+
+/** A torus of m × n quads, each cut in two. */
+function torus(
+  m: number,
+  n: number,
+): { positions: Float32Array<ArrayBuffer>; index: Uint32Array<ArrayBuffer> } {
+  const positions: number[] = [];
+  const index: number[] = [];
+  for (let i = 0; i < m; i++)
+    for (let j = 0; j < n; j++) {
+      const [u, v] = [(2 * Math.PI * i) / m, (2 * Math.PI * j) / n];
+      positions.push((3 + Math.cos(v)) * Math.cos(u), (3 + Math.cos(v)) * Math.sin(u), Math.sin(v));
+      const at = (a: number, b: number): number => (a % m) * n + (b % n);
+      index.push(at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j), at(i + 1, j + 1), at(i, j + 1));
+    }
+  return { positions: Float32Array.from(positions), index: Uint32Array.from(index) };
+}
+
+describe('reading', () => {
+  it('takes polygons, slashes and negative indices of OBJ', () => {
+    const cube = obj(CUBE);
+    expect(cube.positions.length).toBe(24);
+    expect(cube.index.length).toBe(36);
+    expect(faultsOf(cube).open.length).toBe(0);
+  });
+
+  it('takes OFF with comments', () => {
+    const text = 'OFF # four\n4 4 6\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 1 2 3\n3 2 0 3\n';
+    expect(off(text).index.length).toBe(12);
+  });
+
+  it('refuses what it cannot draw', async () => {
+    expect(() => obj('v 0 0 0\nf 1 2 3\n')).toThrow(NoPreviewError);
+    await expect(parse(new ArrayBuffer(4), 'mesh.3mf')).rejects.toThrow(NoPreviewError);
+  });
+});
+
+describe('faults', () => {
+  it('are the four edges around a missing lid', () => {
+    const { open, crowded, strays } = faultsOf(obj(withoutLid));
+    expect(open.length / 6).toBe(4);
+    expect([...open].filter((_, i) => i % 3 === 2)).toEqual(Array(8).fill(1));
+    expect(crowded.length + strays.length).toBe(0);
+  });
+
+  it('are edges with three triangles, and smaller parts', () => {
+    const wing = obj(`${CUBE}v 3 3 3\nf 7 8 9\nv 9 9 9\nv 9 9 8\nv 9 8 9\nf 10 11 12\n`);
+    const { open, crowded, strays } = faultsOf(wing);
+    expect(crowded.length / 6).toBe(1);
+    expect(open.length / 6).toBe(5);
+    expect([...strays]).toEqual([9, 10, 11]);
+  });
+
+  it('vanish where loose triangles are welded', () => {
+    const { positions, index } = obj(CUBE);
+    const loose = Float32Array.from([...index].flatMap((v) => [...positions.slice(3 * v, 3 * v + 3)]));
+    const soup = { positions: loose, index: Uint32Array.from(index, (_, i) => i) };
+    expect(faultsOf(soup).open.length).toBeGreaterThan(0);
+    const welded = weld(soup);
+    expect(welded.positions.length).toBe(24);
+    expect(faultsOf(welded).open.length).toBe(0);
+    expect(weld(welded)).toBe(welded);
+  });
+});
+
+describe('drawing', () => {
+  it('has unit normals that look outward', () => {
+    const { positions, index } = obj(CUBE);
+    const normals = vertexNormals(positions, index);
+    for (let v = 0; v < 8; v++) {
+      const n = [0, 1, 2].map((axis) => (normals[4 * v + axis] ?? 0) / 127);
+      expect(Math.hypot(...n)).toBeCloseTo(1, 1);
+      expect(n.reduce((sum, value, axis) => sum + value * (positions[3 * v + axis] ?? 0), 0)).toBeGreaterThan(
+        1,
+      );
+    }
+  });
+
+  it('draws fewer triangles of a large mesh, over vertices of its own', () => {
+    const whole = torus(200, 80);
+    const { index, kept } = decimate(whole, 8000);
+    expect(index.length / 3).toBeLessThanOrEqual(8000);
+    expect(index.length / 3).toBeGreaterThan(2000);
+    const positions = pick(whole.positions, kept, 3);
+    expect(Math.max(...index)).toBeLessThan(positions.length / 3);
+    expect(boundsOf(positions).radius).toBeCloseTo(boundsOf(whole.positions).radius, 0);
+  });
+
+  it('leaves a small mesh as it is', () => {
+    const small = torus(20, 10);
+    const { index, kept } = decimate(small);
+    expect(index).toBe(small.index);
+    expect(pick(small.positions, kept, 3)).toBe(small.positions);
+  });
+
+  it('knows the ball around it', () => {
+    const { centre, radius } = boundsOf(obj(CUBE).positions);
+    expect(centre).toEqual([0, 0, 0]);
+    expect(radius).toBeCloseTo(Math.sqrt(3));
+    expect(boundsOf(new Float32Array()).radius).toBe(1);
+  });
+});

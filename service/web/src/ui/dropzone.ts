@@ -1,0 +1,58 @@
+import { html, type TemplateResult } from 'lit-html';
+import { bytes, count } from '../core/format';
+import type { Context } from '../views/context';
+import { icon } from './icons';
+
+/** A place to drop a mesh on, and a button for those who do not drag. */
+export function dropZone(context: Context): TemplateResult {
+  const { info } = context.catalogue;
+  const formats =
+    info?.formats.read.map((format) => format.name.toUpperCase()).join(', ') ??
+    'OBJ, PLY, STL, OFF, GLB, 3MF';
+  const limits = info
+    ? `up to ${bytes(info.limits.max_upload_bytes)} and ${count(info.limits.max_vertices)} vertices`
+    : '';
+  return html`<label class="drop">
+    <input
+      type="file"
+      class="hidden"
+      accept=".obj,.ply,.stl,.off,.glb,.3mf"
+      @change=${(event: Event) => {
+        const chosen = event.target as HTMLInputElement;
+        const [first] = chosen.files ?? [];
+        if (first) context.file(first);
+        chosen.value = ''; // the same file may be chosen again
+      }}
+    />
+    ${icon('upload')}
+    <span><b>Drop a mesh here</b> or <span class="link">choose a file</span></span>
+    <span class="hint">${formats} ${limits}</span>
+  </label>`;
+}
+
+/** Take files that are dropped anywhere on the page. */
+export function takeDrops(take: (file: File) => void): void {
+  const over = (on: boolean): void => {
+    document.documentElement.classList.toggle('dragging', on);
+  };
+  let depth = 0; // enter and leave come for every element below the pointer
+  addEventListener('dragenter', (event) => {
+    if (!event.dataTransfer?.types.includes('Files')) return;
+    depth += 1;
+    over(true);
+  });
+  addEventListener('dragleave', () => {
+    depth = Math.max(0, depth - 1);
+    over(depth > 0);
+  });
+  addEventListener('dragover', (event) => {
+    if (event.dataTransfer?.types.includes('Files')) event.preventDefault();
+  });
+  addEventListener('drop', (event) => {
+    event.preventDefault();
+    depth = 0;
+    over(false);
+    const [first] = event.dataTransfer?.files ?? [];
+    if (first) take(first);
+  });
+}

@@ -1,0 +1,24 @@
+import { html, nothing, type TemplateResult } from 'lit-html';
+import type { Problem } from '../api/problem';
+import { icon } from './icons';
+
+/** What went wrong, in the service's own words, and a way on. */
+export function problemCard(problem: Problem, again: (() => void) | null): TemplateResult {
+  const known = !problem.unreachable && problem.slug !== 'unknown' && problem.slug !== 'page';
+  return html`<section class="card refusal" role="alert">
+    <h2>${icon('warn')} ${problem.title}</h2>
+    <p>${problem.detail}</p>
+    ${
+      problem.defects.length > 1
+        ? html`<ul>
+            ${problem.defects.map((defect) => html`<li><code>${defect.pointer}</code> ${defect.detail}</li>`)}
+          </ul>`
+        : nothing
+    }
+    ${again ? html`<button class="plain" @click=${again}>${icon('reset')} Try again</button>` : nothing}
+    <p class="hint">
+      ${known ? html`<a href="/problems/${problem.slug}">About this problem</a>` : nothing}
+      ${problem.requestId ? html` · request <code>${problem.requestId}</code>` : nothing}
+    </p>
+  </section>`;
+}

@@ -1,0 +1,81 @@
+import { html, nothing, type TemplateResult } from 'lit-html';
+import type { Connection } from '../api/follow';
+import type { Job, Row } from '../api/types';
+import { count, duration, figure, rate, share } from '../core/format';
+import { STATUS_WORDS, figuresAt, reason } from '../core/job';
+
+/** A job's state in a word. */
+export function pill(job: Job): TemplateResult {
+  return html`<span class="pill ${job.status}">${STATUS_WORDS[job.status]}</span>`;
+}
+
+/** How far the job is, how it ended, and its figures where one stands. */
+export function statusCard(
+  job: Job,
+  rows: readonly Row[],
+  at: number,
+  connection: Connection,
+): TemplateResult {
+  const row = figuresAt(rows, at);
+  return html`<section class="card status" aria-label="Status">
+    <header>
+      <h2>${job.name}</h2>
+      ${pill(job)}
+    </header>
+    <p class="hint">
+      ${job.preset}${job.attempt > 1 ? ` · taken up again, attempt ${job.attempt}` : ''}${connection === 'polling' ? ' · asking every second' : ''}
+    </p>
+    ${job.done ? ended(job) : going(job)}
+    <p class="hidden" role="status">${STATUS_WORDS[job.status]}${job.done ? `, ${reason(job)}` : ''}</p>
+    ${
+      row
+        ? html`<p class="at">At iteration ${count(row.iteration)}</p>
+            <dl class="figures">
+              ${pair('Sphericity Ψ', share(row.sphericity), true)}
+              ${pair('Radius variation', figure(row.radius_variation, 3), true)}
+              ${pair('Volume', figure(row.volume))} ${pair('Area', figure(row.area))}
+              ${pair('Worst triangle', figure(row.least_quality, 2))}
+              ${pair('Inward faces', typeof row.inward_faces === 'number' ? count(row.inward_faces) : '–')}
+            </dl>`
+        : nothing
+    }
+  </section>`;
+}
+
+function pair(term: string, value: string, large = false): TemplateResult {
+  return html`<div class=${large ? 'large' : ''}>
+    <dt>${term}</dt>
+    <dd>${value}</dd>
+  </div>`;
+}
+
+function going(job: Job): TemplateResult {
+  const { progress, queue } = job;
+  if (job.status === 'accepted')
+    return html`<progress aria-label="Waiting"></progress>
+      <p>
+        ${queue.position === null ? 'Waiting for a worker' : queue.position === 0 ? 'Next in the queue' : `${queue.position} before it in the queue`}
+      </p>`;
+  return html`<progress max="100" .value=${progress.percent} aria-label="Progress"></progress>
+    <p class="going">
+      <span>${count(progress.iteration)} of at most ${count(progress.iterations_total)}</span>
+      <span>${rate(progress.iterations_per_s)}</span>
+      <span title="if no stopping rule ends the run before"
+        >${progress.eta_s === null ? '' : `at most ${duration(progress.eta_s)} left`}</span
+      >
+    </p>`;
+}
+
+function ended(job: Job): TemplateResult {
+  const { progress } = job;
+  return html`<p>
+      ${reason(job) ? html`<b>${capital(reason(job))}</b> · ` : nothing}${count(progress.iteration)}
+      iterations in ${duration(progress.elapsed_s)}
+    </p>
+    ${job.error ? html`<p class="fault">${job.error.detail}</p>` : nothing}
+    ${job.stop_detail && !job.error && job.stop_reason !== 'iterations' ? html`<p class="hint">${job.stop_detail}</p>` : nothing}`;
+}
+
+function capital(text: string): string {
+  return text.charAt(0).toUpperCase() + text.slice(1);
+}

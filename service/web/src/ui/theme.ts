@@ -1,0 +1,48 @@
+/** Light, dark, or as the system has it. */
+export type Theme = 'auto' | 'light' | 'dark';
+
+const KEY = 'spherify.theme';
+const ORDER: readonly Theme[] = ['auto', 'light', 'dark'];
+const listeners = new Set<() => void>();
+const system = matchMedia('(prefers-color-scheme: dark)');
+system.addEventListener('change', tell);
+
+/** Return the choice that was made. */
+export function theme(): Theme {
+  const kept = localStorage.getItem(KEY);
+  return ORDER.find((one) => one === kept) ?? 'auto';
+}
+
+/** Put the choice into effect; the style sheet does the rest. */
+export function applyTheme(choice: Theme = theme()): void {
+  const dark = choice === 'dark' || (choice === 'auto' && system.matches);
+  document.documentElement.dataset.theme = dark ? 'dark' : 'light';
+}
+
+/** Take the next of the three, and keep it. */
+export function nextTheme(): Theme {
+  const next = ORDER[(ORDER.indexOf(theme()) + 1) % ORDER.length] ?? 'auto';
+  localStorage.setItem(KEY, next);
+  tell();
+  return next;
+}
+
+/** Be told when colours change. */
+export function onTheme(listener: () => void): () => void {
+  listeners.add(listener);
+  return () => listeners.delete(listener);
+}
+
+/** Read a colour of the style sheet, as it is now. */
+export function cssColour(name: string): string {
+  return getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+}
+
+export function reducedMotion(): boolean {
+  return matchMedia('(prefers-reduced-motion: reduce)').matches;
+}
+
+function tell(): void {
+  applyTheme();
+  for (const listener of [...listeners]) listener();
+}

@@ -1,0 +1,81 @@
+import {
+  BufferAttribute,
+  BufferGeometry,
+  Group,
+  LineBasicMaterial,
+  LineSegments,
+  Mesh,
+  MeshBasicMaterial,
+  Points,
+  PointsMaterial,
+  type Material,
+  type Object3D,
+} from 'three';
+import type { Location } from '../api/types';
+import type { Faults } from '../mesh/faults';
+
+const RED = 0xe5252a;
+
+/** What is wrong with a mesh, drawn on it in red: through the surface faintly, before it fully. */
+export class FaultLines {
+  readonly group = new Group();
+
+  /**
+   * @param faults found by this page; null where it could not read the file.
+   * @param places named by the service.
+   * @param positions of the drawn vertices, for the triangles of stray parts.
+   */
+  constructor(faults: Faults | null, places: readonly Location[], positions: Float32Array | null) {
+    const edges = places.filter((place) => place.kind === 'edge').flatMap((place) => place.positions.flat());
+    const points = places
+      .filter((place) => place.kind === 'vertex')
+      .flatMap((place) => place.positions.flat());
+    const drawn = faults !== null && faults.open.length + faults.crowded.length > 0;
+    const segments = drawn ? [faults.open, faults.crowded] : [Float32Array.from(edges)];
+    for (const some of segments) if (some.length > 0) this.lines(some);
+    if (points.length > 0) this.points(Float32Array.from(points));
+    if (faults !== null && positions !== null && faults.strays.length > 0)
+      this.part(faults.strays, positions);
+  }
+
+  dispose(): void {
+    for (const child of this.group.children as (Object3D & {
+      geometry: BufferGeometry;
+      material: Material;
+    })[]) {
+      child.geometry.dispose();
+      child.material.dispose();
+    }
+  }
+
+  private lines(ends: Float32Array): void {
+    const geometry = new BufferGeometry().setAttribute('position', new BufferAttribute(ends, 3));
+    this.group.add(
+      new LineSegments(
+        geometry,
+        new LineBasicMaterial({ color: RED, transparent: true, opacity: 0.3, depthTest: false }),
+      ),
+      new LineSegments(geometry, new LineBasicMaterial({ color: RED })),
+    );
+    if (ends.length <= 6 * 2000) this.points(ends, 4); // a short edge is seen by its ends
+  }
+
+  private points(at: Float32Array, size = 11): void {
+    const geometry = new BufferGeometry().setAttribute('position', new BufferAttribute(at, 3));
+    const look = { color: RED, sizeAttenuation: false, depthTest: false, transparent: true };
+    this.group.add(
+      new Points(geometry, new PointsMaterial({ ...look, size, opacity: size > 5 ? 0.9 : 0.45 })),
+    );
+  }
+
+  private part(triangles: Uint32Array, positions: Float32Array): void {
+    const geometry = new BufferGeometry().setAttribute('position', new BufferAttribute(positions, 3));
+    geometry.setIndex(new BufferAttribute(triangles, 1));
+    this.group.add(
+      new Mesh(
+        geometry,
+        new MeshBasicMaterial({ color: RED, transparent: true, opacity: 0.45, depthWrite: false }),
+      ),
+    );
+  }
+}

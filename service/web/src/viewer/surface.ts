@@ -1,0 +1,83 @@
+import { BufferAttribute, BufferGeometry, Mesh, type ShaderMaterial } from 'three';
+import type { Values } from '../mesh/tasks';
+import type { Frame } from '../mesh/types';
+import { SurfaceMaterial, wireMaterial } from './material';
+
+/** A state with the quantity it is coloured by, if there is one. */
+export interface Coloured {
+  readonly frame: Frame;
+  readonly values: Values | null;
+}
+
+/** Room on the graphics card for one state: its size never changes, whatever is shown. */
+class Slot {
+  private frame: Frame | null = null;
+  private values: Values | null = null;
+  private readonly position: BufferAttribute;
+  private readonly shade: BufferAttribute;
+  private readonly value: BufferAttribute;
+
+  constructor(geometry: BufferGeometry, names: readonly [string, string, string], vertices: number) {
+    this.position = new BufferAttribute(new Float32Array(3 * vertices), 3);
+    this.shade = new BufferAttribute(new Int8Array(4 * vertices), 4, true);
+    this.value = new BufferAttribute(new Float32Array(vertices), 1);
+    geometry.setAttribute(names[0], this.position);
+    geometry.setAttribute(names[1], this.shade);
+    geometry.setAttribute(names[2], this.value);
+  }
+
+  put({ frame, values }: Coloured): void {
+    if (frame !== this.frame) {
+      this.frame = frame;
+      exchange(this.position, frame.positions);
+      exchange(this.shade, frame.normals);
+    }
+    if (values !== null && values !== this.values) {
+      this.values = values;
+      exchange(this.value, values.values);
+    }
+  }
+}
+
+/** Send other numbers into the same buffer; they are not copied here first. */
+function exchange(
+  attribute: BufferAttribute,
+  array: Float32Array<ArrayBuffer> | Int8Array<ArrayBuffer>,
+): void {
+  if (array.length !== attribute.array.length) throw new RangeError('a state of another mesh');
+  attribute.array = array;
+  attribute.needsUpdate = true;
+}
+
+/** The triangles on the graphics card: two states at a time, and a share between them. */
+export class SurfaceMesh {
+  readonly material = new SurfaceMaterial();
+  private readonly lines: ShaderMaterial = wireMaterial(this.material);
+  private readonly geometry = new BufferGeometry();
+  readonly mesh = new Mesh(this.geometry, this.material);
+  readonly wire = new Mesh(this.geometry, this.lines);
+  private readonly before: Slot;
+  private readonly after: Slot;
+
+  constructor(index: Uint32Array, vertices: number) {
+    this.geometry.setIndex(new BufferAttribute(index, 1));
+    this.before = new Slot(this.geometry, ['position', 'shade', 'value'], vertices);
+    this.after = new Slot(this.geometry, ['laterPosition', 'laterShade', 'laterValue'], vertices);
+    this.mesh.frustumCulled = false; // its bounds are those of two states
+    this.wire.frustumCulled = false;
+    this.wire.visible = false;
+  }
+
+  /** Show the mix of two states. */
+  show(before: Coloured, after: Coloured, blend: number): void {
+    this.before.put(before);
+    if (blend > 0) this.after.put(after);
+    this.material.blend = blend;
+  }
+
+  dispose(): void {
+    this.geometry.dispose();
+    this.material.dispose();
+    this.lines.dispose();
+  }
+}

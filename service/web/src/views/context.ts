@@ -1,0 +1,33 @@
+import type { TemplateResult } from 'lit-html';
+import type { Api } from '../api/client';
+import type { Catalogue } from '../api/catalogue';
+import type { Route } from '../core/route';
+import type { MeshWorker } from '../mesh/pool';
+import type { Thumbnails } from '../viewer/thumbnails';
+import type { JobList } from './joblist';
+
+/** What every view works with. */
+export interface Context {
+  readonly api: Api;
+  readonly worker: MeshWorker;
+  readonly catalogue: Catalogue;
+  readonly jobs: JobList;
+  readonly thumbnails: Thumbnails;
+  /** Go to another view; `replace` keeps the place in the browser's history. */
+  go(route: Route, replace?: boolean): void;
+  /** Show a file that was dropped or chosen. */
+  file(file: File): void;
+  /** Say something for a moment. */
+  toast(text: string, kind?: 'good' | 'bad'): void;
+  /** Draw the page anew, soon. */
+  refresh(): void;
+}
+
+/** One page of the page. */
+export interface View {
+  readonly title: string;
+  render(): TemplateResult;
+  /** A key that nobody nearer took; returns whether it was taken. */
+  key?(event: KeyboardEvent): boolean;
+  close(): void;
+}

@@ -1,0 +1,278 @@
+import { html, nothing, type TemplateResult } from 'lit-html';
+import { asProblem } from '../api/problem';
+import type { Job } from '../api/types';
+import { FIELDS } from '../core/colormap';
+import { formatRoute, type Look, type Route, type Shown } from '../core/route';
+import { curl, python, requestOf } from '../core/snippets';
+import { Chart } from '../ui/chart';
+import { copy } from '../ui/clipboard';
+import { downloads } from '../ui/downloads';
+import { icon, type IconName } from '../ui/icons';
+import { legend, lookBar } from '../ui/look';
+import { problemCard } from '../ui/problem';
+import { statusCard } from '../ui/status';
+import type { Context, View } from './context';
+import { stageNotes } from './notes';
+import { Stage } from './stage';
+
+/** A run: the mesh as it changes, its timeline, its figures, and what can be done with it. */
+export class JobView implements View {
+  private readonly stage: Stage;
+  private readonly chart: Chart;
+  private busy = false;
+  private tab: 'look' | 'figures' = 'look';
+
+  constructor(
+    private readonly context: Context,
+    shown: Shown,
+    look: Look,
+  ) {
+    this.stage = new Stage(context, shown.job, shown.iteration, look);
+    this.chart = new Chart((iteration) => {
+      this.stage.seek(iteration);
+    });
+    this.stage.onChange(() => {
+      this.news();
+    });
+    this.stage.viewer.onRest = () => {
+      this.address();
+    };
+  }
+
+  get title(): string {
+    return this.stage.run.state?.job.name ?? 'Run';
+  }
+
+  render(): TemplateResult {
+    const { run } = this.stage;
+    if (!run.state && run.problem)
+      return html`<div class="middle">
+        ${problemCard(run.problem, run.problem.passing ? () => void run.open() : null)}
+      </div>`;
+    return html`<div class="work with-timeline" data-tab=${this.tab}>
+      <div class="stage">
+        ${this.stage.viewer.element}
+        <div class="over">${stageNotes(this.stage)}</div>
+        <div class="corner">${lookBar(this.stage)}</div>
+        ${legend(this.stage)}
+      </div>
+      ${this.stage.timeline.element}
+      <div class="tabs" role="group" aria-label="Show">
+        ${this.tabButton('look', 'Picture')} ${this.tabButton('figures', 'Figures and downloads')}
+      </div>
+      <aside class="panel" aria-label="Run">${run.state ? this.panel(run.state.job) : waiting()}</aside>
+    </div>`;
+  }
+
+  key(event: KeyboardEvent): boolean {
+    const { stage } = this;
+    const keys: Readonly<Record<string, () => void>> = {
+      ' ': () => {
+        stage.toggle();
+      },
+      ArrowLeft: () => {
+        stage.step(-1);
+      },
+      ArrowRight: () => {
+        stage.step(1);
+      },
+      Home: () => {
+        stage.seek(0);
+      },
+      End: () => {
+        stage.seek(stage.states.at(-1) ?? 0);
+      },
+      l: () => {
+        stage.player.loop = !stage.player.loop;
+        stage.setScale(stage.scale.kind);
+      },
+      '[': () => {
+        stage.player.faster(-1);
+        stage.setScale(stage.scale.kind);
+      },
+      ']': () => {
+        stage.player.faster(1);
+        stage.setScale(stage.scale.kind);
+      },
+      g: () => {
+        stage.setScale(stage.scale.kind === 'log' ? 'linear' : 'log');
+      },
+      w: () => {
+        stage.setWire(!stage.wire);
+      },
+      f: () => {
+        stage.setFacets(!stage.facets);
+      },
+      u: () => {
+        stage.setUp(stage.viewer.camera.up === 'y' ? 'z' : 'y');
+      },
+      c: () => {
+        const next = stage.color === null ? 0 : FIELDS.indexOf(stage.color) + 1;
+        stage.setColor(FIELDS[next] ?? null);
+      },
+    };
+    const act = keys[event.key];
+    act?.();
+    return act !== undefined;
+  }
+
+  close(): void {
+    this.chart.dispose();
+    this.stage.close();
+  }
+
+  private news(): void {
+    const { state } = this.stage.run;
+    if (state) this.chart.data(state.rows, this.stage.scale);
+    this.chart.stand(this.stage.at);
+    this.address();
+    this.context.refresh();
+  }
+
+  /** Keep the address up to date, so that it can be shared at any moment. */
+  private address(): void {
+    if (this.stage.player.playing) return;
+    this.context.go(this.route, true);
+  }
+
+  private get route(): Route {
+    const { stage } = this;
+    const iteration = stage.following ? null : Math.round(stage.at);
+    return { view: 'job', shown: { job: stage.job, iteration }, look: stage.look };
+  }
+
+  private panel(job: Job): TemplateResult {
+    const { stage, context } = this;
+    const rows = stage.run.state?.rows ?? [];
+    return html`${statusCard(job, rows, stage.at, stage.run.connection)} ${this.actions(job)}
+      <section class="card" aria-label="Chart">${this.chart.element}</section>
+      ${downloads(job, stage.state, () => void this.picture())}
+      <section class="card" aria-label="Share">
+        <h2>Share</h2>
+        <div class="actions">
+          ${this.button('link', 'Copy link', () => void this.copied(new URL(formatRoute(this.route), location.href).href, 'Link copied'))}
+          ${this.button('copy', 'curl', () => void this.copied(curl(location.origin, requestOf(job)), 'Copied as curl'))}
+          ${this.button('copy', 'Python', () => void this.copied(python(location.origin, requestOf(job)), 'Copied as Python'))}
+          ${this.button('copy', 'Embed', () => void this.copied(this.frame(), 'Copied as HTML'))}
+        </div>
+        <p class="hint">The link opens this state, camera and colouring.</p>
+      </section>
+      ${stage.problem && !stage.problem.passing ? problemCard(stage.problem, null) : nothing}
+      ${this.compareWith(context.jobs.jobs.filter((other) => other.id !== job.id))}`;
+  }
+
+  private actions(job: Job): TemplateResult {
+    const links = job.links;
+    const able = !this.busy;
+    return html`<div class="actions bar">
+      ${'cancel' in links && job.status !== 'cancelling' ? this.button('stop', 'Cancel', () => void this.act(() => this.context.api.cancel(job.id)), able) : nothing}
+      ${'extend' in links ? this.button('more', 'Go on', () => void this.go(() => this.context.api.extend(job.id, job.progress.iterations_total)), able) : nothing}
+      ${'retry' in links ? this.button('reset', 'Run again', () => void this.go(() => this.context.api.retry(job.id)), able) : nothing}
+      ${this.button('flip', 'New run', () => {
+        this.context.go({ view: 'mesh', mesh: job.mesh_id, up: this.stage.viewer.camera.up });
+      })}
+      ${job.done ? this.button('trash', 'Delete', () => void this.remove(job), able) : nothing}
+    </div>`;
+  }
+
+  private button(name: IconName, words: string, act: () => void, able = true): TemplateResult {
+    return html`<button class="plain" ?disabled=${!able} @click=${act}>${icon(name)} ${words}</button>`;
+  }
+
+  private tabButton(tab: 'look' | 'figures', words: string): TemplateResult {
+    return html`<button
+      class="chip"
+      aria-pressed=${this.tab === tab ? 'true' : 'false'}
+      @click=${() => {
+        this.tab = tab;
+        this.context.refresh();
+      }}
+    >
+      ${words}
+    </button>`;
+  }
+
+  private compareWith(others: readonly Job[]): TemplateResult {
+    const { stage } = this;
+    const open = (right: Shown): void => {
+      const left = { job: stage.job, iteration: stage.following ? null : stage.state };
+      this.context.go({ view: 'compare', left, right, look: stage.look });
+    };
+    return html`<section class="card" aria-label="Compare">
+      <h2>Compare</h2>
+      <div class="actions">
+        ${this.button('compare', 'With its beginning', () => {
+          open({ job: stage.job, iteration: 0 });
+        })}
+        ${
+          others.length > 0
+            ? html`<select
+                aria-label="Compare with another run"
+                @change=${(event: Event) => {
+                  open({ job: (event.target as HTMLSelectElement).value, iteration: null });
+                }}
+              >
+                <option value="">With another run …</option>
+                ${others.slice(0, 30).map((other) => html`<option value=${other.id}>${other.name} · ${other.preset}</option>`)}
+              </select>`
+            : nothing
+        }
+      </div>
+    </section>`;
+  }
+
+  private frame(): string {
+    const source = new URL(formatRoute(this.route, '/embed'), location.href).href.replaceAll('&', '&amp;');
+    return `<iframe src="${source}" width="640" height="480" title="A mesh becomes a sphere"></iframe>`;
+  }
+
+  private async copied(text: string, said: string): Promise<void> {
+    if (await copy(text)) this.context.toast(said);
+    else this.context.toast('The browser does not let this page copy', 'bad');
+  }
+
+  private async picture(): Promise<void> {
+    const blob = await this.stage.viewer.picture();
+    const link = document.createElement('a');
+    link.href = URL.createObjectURL(blob);
+    link.download = `${this.title}_it${String(Math.round(this.stage.at)).padStart(5, '0')}.png`;
+    link.click();
+    URL.revokeObjectURL(link.href);
+  }
+
+  private async act(ask: () => Promise<unknown>): Promise<boolean> {
+    this.busy = true;
+    this.context.refresh();
+    try {
+      await ask();
+      void this.context.jobs.load();
+      return true;
+    } catch (thrown) {
+      this.context.toast(asProblem(thrown).detail, 'bad');
+      return false;
+    } finally {
+      this.busy = false;
+      this.context.refresh();
+    }
+  }
+
+  /** Have a new job made, and go to it. */
+  private async go(ask: () => Promise<Job>): Promise<void> {
+    await this.act(async () => {
+      const { id } = await ask();
+      const look = this.stage.look;
+      this.context.go({ view: 'job', shown: { job: id, iteration: null }, look });
+    });
+  }
+
+  private async remove(job: Job): Promise<void> {
+    if (!confirm(`Delete the run “${job.name}” with all its states?`)) return;
+    if (await this.act(() => this.context.api.delete(job.id))) this.context.go({ view: 'home' });
+  }
+}
+
+function waiting(): TemplateResult {
+  return html`<section class="card" aria-busy="true">
+    <span class="ghost line"></span><span class="ghost line"></span>
+  </section>`;
+}

@@ -1,0 +1,214 @@
+import { html, nothing, type TemplateResult } from 'lit-html';
+import { asProblem, type Problem } from '../api/problem';
+import type { Job, Mesh } from '../api/types';
+import { bytes, count } from '../core/format';
+import { PLAIN, type Up } from '../core/route';
+import type { Drawable, Preview } from '../mesh/tasks';
+import { icon } from '../ui/icons';
+import { problemCard } from '../ui/problem';
+import { refusal, reportCard } from '../ui/report';
+import { Viewer } from '../viewer/viewer';
+import type { Context, View } from './context';
+import { JobForm } from './jobform';
+import { upOfFile } from './up';
+
+/** A mesh before its run: what it looks like, what was found out about it, and what shall be done with it. */
+export class MeshView implements View {
+  private readonly viewer = new Viewer('The mesh');
+  private mesh: Mesh | null = null;
+  private problem: Problem | null = null;
+  private preview: Preview | null = null;
+  private drawn: Drawable | null = null;
+  private noPreview = false;
+  private sent: number | null = null;
+  private up: Up = 'y';
+  private form: JobForm | null = null;
+  private closed = false;
+
+  /** @param source a file that is not sent yet, or the id of a mesh that the service has. */
+  constructor(
+    private readonly context: Context,
+    private readonly source: File | string,
+    private readonly given: Up | null = null,
+  ) {
+    if (source instanceof File) {
+      this.setUp(upOfFile(source.name));
+      void this.look(source);
+      void this.send(source, []);
+    } else void this.load(source);
+  }
+
+  get title(): string {
+    return this.name || 'Mesh';
+  }
+
+  render(): TemplateResult {
+    return html`<div class="work">
+      <div class="stage">
+        ${this.viewer.element}
+        <div class="over">${this.notes()}</div>
+        <div class="corner">
+          <button
+            class="tool"
+            title="Turn upright (U)"
+            aria-label="Turn upright"
+            @click=${() => {
+              this.setUp(this.up === 'y' ? 'z' : 'y');
+            }}
+          >
+            ${icon('flip')}
+          </button>
+        </div>
+      </div>
+      <aside class="panel" aria-label="Mesh">${this.panel()}</aside>
+    </div>`;
+  }
+
+  key(event: KeyboardEvent): boolean {
+    if (event.key !== 'u') return false;
+    this.setUp(this.up === 'y' ? 'z' : 'y');
+    return true;
+  }
+
+  close(): void {
+    this.closed = true;
+    this.viewer.dispose();
+  }
+
+  private get name(): string {
+    return this.mesh?.name ?? (this.source instanceof File ? this.source.name : '');
+  }
+
+  private panel(): TemplateResult {
+    if (this.problem) {
+      if (this.problem.report || this.problem.defects.length > 0)
+        return html`${refusal(this.problem, (allow) => {
+          if (this.source instanceof File) void this.send(this.source, allow);
+        })}
+        ${this.problem.report ? reportCard(this.name, this.problem.report) : nothing}`;
+      return problemCard(this.problem, () => {
+        if (this.source instanceof File) void this.send(this.source, []);
+        else void this.load(this.source);
+      });
+    }
+    if (!this.mesh) return this.waiting();
+    return html`${reportCard(this.mesh.name, this.mesh.report)}${this.form?.render() ?? nothing}`;
+  }
+
+  private waiting(): TemplateResult {
+    const { source, sent } = this;
+    const all = sent !== null && sent >= 1;
+    const words =
+      source instanceof File
+        ? all
+          ? 'The service reads it …'
+          : `Sending ${bytes(source.size)} …`
+        : 'Loading …';
+    return html`<section class="card" aria-busy="true">
+      <h2>${this.name || html`<span class="ghost line"></span>`}</h2>
+      <p role="status">${words}</p>
+      ${sent !== null && !all ? html`<progress max="1" .value=${sent} aria-label="Sent"></progress>` : html`<progress aria-label="Reading"></progress>`}
+    </section>`;
+  }
+
+  private notes(): TemplateResult | typeof nothing {
+    const { drawn, noPreview } = this;
+    if (this.viewer.state === 'unsupported')
+      return html`<p class="note">This browser draws no WebGL: everything works but the picture.</p>`;
+    if (noPreview && !drawn) return html`<p class="note">No preview of this file; the service reads it.</p>`;
+    if (drawn && drawn.index.length / 3 < drawn.triangles)
+      return html`<p class="note">
+        Drawn with ${count(drawn.index.length / 3)} of ${count(drawn.triangles)} triangles; the run uses all
+        of them.
+      </p>`;
+    return nothing;
+  }
+
+  private setUp(up: Up): void {
+    this.up = this.viewer.up = up;
+  }
+
+  private async look(file: File): Promise<void> {
+    try {
+      const data = await file.arrayBuffer();
+      const preview = await this.context.worker.ask('preview', { data, name: file.name }, [data]);
+      if (this.isClosed()) return;
+      this.preview = preview;
+      this.show(preview);
+      this.mark();
+    } catch {
+      this.noPreview = true; // the service will say more
+    }
+    this.context.refresh();
+  }
+
+  private async send(file: File, allow: readonly string[]): Promise<void> {
+    this.problem = null;
+    this.sent = 0;
+    this.context.refresh();
+    try {
+      const mesh = await this.context.api.upload(file, file.name, allow, (share) => {
+        this.sent = share;
+        this.context.refresh();
+      });
+      if (this.isClosed()) return;
+      this.context.go({ view: 'mesh', mesh: mesh.id, up: this.up }, true); // from now on it has an address
+    } catch (thrown) {
+      this.problem = asProblem(thrown);
+      this.mark();
+      this.context.refresh();
+    }
+  }
+
+  private async load(id: string): Promise<void> {
+    this.problem = null;
+    try {
+      const mesh = await this.context.api.mesh(id);
+      if (this.isClosed()) return;
+      this.mesh = mesh;
+      this.setUp(this.given ?? upOfFile(mesh.name));
+      this.form = new JobForm(this.context, mesh, (job) => {
+        this.started(job);
+      });
+      this.context.refresh();
+      const path = `/v1/meshes/${id}`;
+      const drawable = await this.context.worker.ask('topology', {
+        key: path,
+        faces: `${path}/topology`,
+        positions: `${path}/positions?dtype=f32`,
+      });
+      void this.context.worker.ask('forget', { key: path });
+      if (!this.isClosed()) this.show(drawable);
+    } catch (thrown) {
+      this.problem = asProblem(thrown);
+    }
+    this.context.refresh();
+  }
+
+  private started(job: Job): void {
+    void this.context.jobs.load();
+    const camera = this.viewer.camera.view;
+    this.context.go({
+      view: 'job',
+      shown: { job: job.id, iteration: null },
+      look: { ...PLAIN, up: this.up, camera },
+    });
+  }
+
+  private show(drawable: Drawable): void {
+    this.drawn = drawable;
+    this.viewer.load(drawable);
+    this.viewer.describe(`${this.name}, ${count(drawable.triangles)} triangles`);
+  }
+
+  /** Draw the faults once it is known that the mesh is refused. */
+  private mark(): void {
+    if (!this.problem) return;
+    const places = this.problem.defects.flatMap((defect) => defect.locations ?? []);
+    if (this.preview) this.viewer.mark(this.preview.faults, places, this.preview.frame.positions);
+  }
+
+  private isClosed(): boolean {
+    return this.closed; // it may be closed while something is awaited
+  }
+}

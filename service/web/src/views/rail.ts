@@ -1,0 +1,95 @@
+import { html, nothing, type TemplateResult } from 'lit-html';
+import type { Job, JobStatus } from '../api/types';
+import { ago } from '../core/format';
+import { STATUS_WORDS } from '../core/job';
+import { PLAIN, type Route } from '../core/route';
+import type { Context } from './context';
+import { upOf } from './up';
+
+const FILTERS: readonly (readonly [JobStatus | '', string])[] = [
+  ['', 'All runs'],
+  ['running', 'Running'],
+  ['accepted', 'Waiting'],
+  ['successful', 'Done'],
+  ['failed', 'Failed'],
+  ['cancelled', 'Cancelled'],
+];
+
+/** The jobs at the left, newest first. */
+export function rail(context: Context, route: Route): TemplateResult {
+  const { jobs } = context;
+  const open =
+    route.view === 'job'
+      ? [route.shown.job]
+      : route.view === 'compare'
+        ? [route.left.job, route.right.job]
+        : [];
+  return html`<div class="filters">
+      <select
+        aria-label="Which runs"
+        @change=${(event: Event) => {
+          const { value } = event.target as HTMLSelectElement;
+          const chosen = FILTERS.find(([status]) => status === value)?.[0] ?? '';
+          jobs.filter(chosen === '' ? null : chosen, jobs.tag);
+        }}
+      >
+        ${FILTERS.map(([status, words]) => html`<option value=${status} ?selected=${(jobs.status ?? '') === status}>${words}</option>`)}
+      </select>
+      <input
+        type="search"
+        placeholder="Tag"
+        aria-label="Only with this tag"
+        .value=${jobs.tag ?? ''}
+        @change=${(event: Event) => {
+          jobs.filter(jobs.status, (event.target as HTMLInputElement).value.trim() || null);
+        }}
+      />
+    </div>
+    ${jobs.problem && !jobs.problem.unreachable ? html`<p class="fault">${jobs.problem.detail}</p>` : nothing}
+    ${jobs.loaded && jobs.jobs.length === 0 ? html`<p class="hint empty">No runs here yet.</p>` : nothing}
+    <ul class="runs">
+      ${
+        jobs.loaded || jobs.jobs.length > 0
+          ? jobs.jobs.map((job) => html`<li>${entry(context, job, open.includes(job.id))}</li>`)
+          : [1, 2, 3].map(() => html`<li class="ghost entry"></li>`)
+      }
+    </ul>
+    ${
+      jobs.more
+        ? html`<button
+            class="plain small"
+            @click=${() => {
+              jobs.grow();
+            }}
+          >
+            Older ones
+          </button>`
+        : nothing
+    }`;
+}
+
+function entry(context: Context, job: Job, open: boolean): TemplateResult {
+  const up = upOf(job);
+  const picture =
+    job.snapshots.available.length > 0 ? context.thumbnails.picture(job.id, 'initial', up) : null;
+  const running = job.status === 'running';
+  return html`<button
+    class="run"
+    aria-current=${open ? 'true' : 'false'}
+    @click=${() => {
+      const look = { ...PLAIN, up };
+      context.go({ view: 'job', shown: { job: job.id, iteration: null }, look });
+    }}
+  >
+    ${picture ? html`<img src=${picture} alt="" width="44" height="44" />` : html`<span class="ghost picture"></span>`}
+    <span class="what">
+      <span class="name">${job.name}</span>
+      <span class="hint">
+        ${job.status === 'successful' ? nothing : html`<span class="dot ${job.status}"></span>${STATUS_WORDS[job.status]} · `}${
+          job.metrics ? `Ψ ${job.metrics.sphericity?.toFixed(3) ?? '–'} · ` : ''
+        }${ago(job.created_at)}
+      </span>
+      ${running ? html`<progress max="100" .value=${job.progress.percent} aria-label="Progress of ${job.name}"></progress>` : nothing}
+    </span>
+  </button>`;
+}

@@ -1,0 +1,57 @@
+"""Runs on other people's pages: the custom element, on a page of another origin."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests.architecture.source import ROOT
+from tests.stack import Stack, wait_for
+
+EXAMPLE = ROOT / "docs" / "embedding.html"
+
+
+class Quiet(SimpleHTTPRequestHandler):
+    """Serves a folder and says nothing."""
+
+    def log_message(self, format: str, *args: object) -> None:  # noqa: A002 (its name in the library)
+        """Say nothing."""
+
+
+@pytest.fixture
+def elsewhere(tmp_path: Path) -> Iterator[tuple[Path, str]]:
+    """A folder and the address that another server gives it."""
+    with ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=str(tmp_path))) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        yield tmp_path, f"http://127.0.0.1:{server.server_port}"
+        server.shutdown()
+        thread.join()
+
+
+def test_the_example_page_shows_a_run_and_hears_of_it(
+    page: Page, stack: Stack, run: str, elsewhere: tuple[Path, str]
+) -> None:
+    folder, address = elsewhere
+    example = EXAMPLE.read_text("utf-8")
+    assert "http://localhost:8000" in example
+    example = example.replace("http://localhost:8000", stack.url).replace(
+        "job_01K5Z9Q8M4T6V2X0Y7R3N1W5BC", run
+    )
+    (folder / "index.html").write_text(example)
+    page.goto(address)
+    frame = page.frame_locator("spherify-viewer iframe")
+    expect(frame.locator(".readout b")).to_have_text("5")
+    page.evaluate("document.querySelector('spherify-viewer').setAttribute('iteration', '20')")
+    expect(frame.locator(".readout b")).to_have_text("20")
+    wait_for(lambda: page.locator("output").inner_text() == "iteration 20", what="the page hears of it")
+    page.evaluate("document.querySelector('spherify-viewer').setAttribute('color', 'quality')")
+    expect(frame.get_by_label("Legend: Triangle quality")).to_be_visible()
+    page.evaluate("document.querySelector('spherify-viewer').play()")
+    expect(frame.get_by_role("button", name="Pause")).to_be_visible()

@@ -1,0 +1,157 @@
+"""The way of a visitor: drop a mesh, run it, watch it, go through it, compare, download, share."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import httpx
+from playwright.sync_api import BrowserContext, Page, expect
+
+from tests.e2e.api import Api
+from tests.stack import Stack, wait_for
+from tests.web.browser import PICTURES, Complaints, iteration, settled, status
+
+
+def test_from_a_file_to_a_shared_link(
+    *, page: Page, context: BrowserContext, complaints: Complaints, stack: Stack, api: Api, animal: bytes
+) -> None:
+    context.grant_permissions(["clipboard-read", "clipboard-write"], origin=stack.url)
+    page.goto(stack.url)
+    expect(page.get_by_role("heading", level=1)).to_have_text("See a mesh become a sphere")
+
+    # a file: preview, report, form
+    page.locator("input[type=file]").set_input_files(
+        {"name": "cat.obj", "mimeType": "model/obj", "buffer": animal}
+    )
+    expect(page.locator(".report .good")).to_have_count(3)
+    expect(page).to_have_url(re.compile(r"\?mesh=mesh_"))
+    mesh = api.http.get(f"/v1/meshes/{page.url.partition('mesh=')[2][:31]}").json()
+    expect(page.locator(".report dd").first).to_have_text(str(mesh["report"]["vertices"]))
+    expect(page.get_by_role("radio", name="Robust", exact=False).first).to_be_checked()
+    page.get_by_label("Iterations", exact=True).fill("70")
+    page.get_by_text("All parameters").click()
+    page.get_by_label("Step", exact=True).fill("0")
+    page.get_by_label("Step", exact=True).blur()
+    expect(page.get_by_role("alert")).to_have_text("more than 0")
+    expect(page.get_by_role("button", name="Run")).to_be_disabled()
+    page.get_by_role("button", name="Step: back to the preset's value").click()
+
+    # the same as curl
+    page.get_by_role("button", name="curl").click()
+    copied = page.evaluate("navigator.clipboard.readText()")
+    assert json.loads(copied.split("'")[1])["iterations"] == 70
+    assert copied.endswith(f"{stack.url}/v1/jobs")
+
+    # live
+    page.get_by_role("button", name="Run").click()
+    expect(page).to_have_url(re.compile(r"\?job=job_"))
+    job_id = page.url.partition("job=")[2][:30]
+    expect(status(page)).to_have_text("Done")
+    job = api.job(job_id)
+    assert job["progress"]["iteration"] <= 70
+    settled(page)
+    states = job["snapshots"]["available"]
+    wait_for(lambda: iteration(page) == states[-1], what="the newest state, without a click")
+
+    # the timeline by keys, by pointer, and played
+    page.keyboard.press("Home")
+    assert iteration(page) == 0
+    page.keyboard.press("ArrowRight")
+    assert iteration(page) == states[1]
+    page.keyboard.press("End")
+    assert iteration(page) == states[-1]
+    track = page.get_by_role("slider", name="Iteration").bounding_box()
+    assert track is not None
+    page.mouse.click(track["x"] + 0.62 * track["width"], track["y"] + 10)
+    assert 0 < iteration(page) < states[-1]
+    page.keyboard.press("Home")
+    page.keyboard.press(" ")
+    expect(page.get_by_role("button", name="Pause")).to_be_visible()
+    wait_for(lambda: iteration(page) > 2, what="the timeline plays")
+    page.keyboard.press(" ")
+    expect(page.get_by_role("button", name="Play")).to_be_visible()
+
+    # the chart leads there too
+    page.keyboard.press("Home")
+    plot = page.locator(".u-over").bounding_box()
+    assert plot is not None
+    page.mouse.click(plot["x"] + 0.8 * plot["width"], plot["y"] + 30)
+    assert iteration(page) > 10
+
+    # colours with a legend
+    page.keyboard.press("End")
+    page.get_by_label("Colour by").select_option("curvature")
+    expect(page.get_by_label("Legend: Curvature")).to_be_visible()
+    settled(page)
+
+    # the files are the API's, byte for byte
+    for name, suffix in (("Result as PLY", "final.ply"), ("Result as GLB", "final.glb")):
+        with page.expect_download() as download:
+            page.get_by_role("link", name=name).click()
+        served = api.http.get(f"/v1/jobs/{job_id}/snapshots/{suffix}").content
+        assert Path(download.value.path()).read_bytes() == served
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Picture", exact=True).last.click()
+    assert Path(download.value.path()).read_bytes().startswith(b"\x89PNG")
+
+    # a link opens the same view
+    page.keyboard.press("ArrowLeft")
+    canvas = page.locator(".viewer canvas")
+    canvas.focus()
+    page.keyboard.press("ArrowUp")
+    wait_for(lambda: "cam=" in page.url, what="the camera in the address")
+    settled(page)
+    page.get_by_role("button", name="Copy link").click()
+    link = page.evaluate("navigator.clipboard.readText()")
+    expect(page.get_by_text("Link copied")).to_be_visible()
+    other = context.new_page()
+    complaints.watch(other)
+    other.goto(link)
+    settled(other)
+    expect(other.get_by_label("Legend: Curvature")).to_be_visible()
+    assert iteration(other) == iteration(page)
+    cameras = [httpx.URL(one.url).params["cam"].split(",") for one in (page, other)]
+    assert all(abs(float(a) - float(b)) < 0.002 for a, b in zip(*cameras, strict=True))
+    other.close()
+
+    # beside its beginning, with one camera
+    page.get_by_role("button", name="With its beginning").click()
+    expect(page.locator(".pane")).to_have_count(2)
+    expect(page.locator(".pane h2").first).to_have_text("cat")
+    settled(page)
+    wait_for(lambda: "compare=" in page.url, what="both in the address")
+    before = page.url
+    right = page.locator(".viewer canvas").last.bounding_box()
+    assert right is not None
+    page.mouse.move(right["x"] + 200, right["y"] + 300)
+    page.mouse.down()
+    page.mouse.move(right["x"] + 320, right["y"] + 330, steps=4)
+    page.mouse.up()
+    wait_for(lambda: page.url != before, what="the left one, whose camera the address holds, turned too")
+    PICTURES.mkdir(exist_ok=True)
+    page.screenshot(path=PICTURES / "journey-compare.png")
+
+    # and home again, where the run is listed
+    page.get_by_role("link", name="Spherify").click()
+    expect(page.locator(".run", has_text="cat").first).to_be_visible()
+
+
+def test_a_run_is_found_cancelled_and_deleted(page: Page, stack: Stack, api: Api, stone: bytes) -> None:
+    fields = {"preset": "paper", "iterations": "900000", "name": "endless", "tags": "mine"}
+    answer = api.http.post("/v1/jobs", files={"file": ("stone.obj", stone)}, data=fields)
+    job_id = answer.json()["id"]
+    page.goto(f"{stack.url}/?job={job_id}")
+    expect(status(page)).to_have_text("Running")
+    expect(page.locator(".going")).to_contain_text("of at most")
+    wait_for(lambda: iteration(page) > 0, what="the newest state is shown as it comes")
+    page.get_by_label("Only with this tag").fill("mine")
+    page.get_by_label("Only with this tag").blur()
+    expect(page.locator(".run")).to_have_count(1)
+    page.get_by_role("button", name="Cancel").click()
+    expect(status(page)).to_have_text("Cancelled")
+    page.on("dialog", lambda dialog: dialog.accept())
+    page.get_by_role("button", name="Delete").click()
+    expect(page.get_by_role("heading", level=1)).to_be_visible()
+    assert api.http.get(f"/v1/jobs/{job_id}").status_code == 410

@@ -1,0 +1,84 @@
+"""Every view in light, dark and on a phone: a picture of each, and nothing serious for axe to find."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+from playwright.sync_api import Browser, expect
+
+from tests.architecture.source import ROOT
+from tests.e2e.api import Api
+from tests.stack import Stack
+from tests.web.browser import LIMIT_MS, PICTURES, Complaints, settled
+
+AXE = ROOT / "service" / "web" / "node_modules" / "axe-core" / "axe.min.js"
+SIZES = {"light": (1440, 900), "dark": (1440, 900), "phone": (390, 844)}
+
+
+def _views(run: str, mesh: str) -> dict[str, str]:
+    return {
+        "home": "/",
+        "mesh": f"/?mesh={mesh}&up=z",
+        "job": f"/?job={run}&it=10&up=z",
+        "colours": f"/?job={run}&it=20&up=z&color=distance&wire=1",
+        "compare": f"/?compare={run}@0,{run}@20&up=z",
+        "embed": f"/embed?job={run}&it=5&up=z",
+    }
+
+
+def serious(found: dict[str, Any]) -> list[str]:
+    """Name what axe takes for serious, and where."""
+    return [
+        f"{one['id']}: {node['html'][:160]} {node['failureSummary'][:200]}"
+        for one in found["violations"]
+        if one["impact"] in {"serious", "critical"}
+        for node in one["nodes"]
+    ]
+
+
+@pytest.mark.timeout(240)
+@pytest.mark.parametrize("look", SIZES)
+def test_every_view_is_drawn_and_open_to_all(
+    *, browser: Browser, complaints: Complaints, stack: Stack, api: Api, run: str, look: str
+) -> None:
+    width, height = SIZES[look]
+    theme = "dark" if look == "dark" else "light"
+    # axe is put into the page from outside, which the page's own policy would not let anybody do
+    context = browser.new_context(
+        viewport={"width": width, "height": height},
+        color_scheme=theme,
+        reduced_motion="reduce",
+        bypass_csp=True,
+    )
+    context.set_default_timeout(LIMIT_MS)
+    page = context.new_page()
+    complaints.watch(page)
+    PICTURES.mkdir(exist_ok=True)
+    for name, path in _views(run, api.job(run)["mesh_id"]).items():
+        page.goto(stack.url + path)
+        settled(page)
+        if name != "embed":
+            expect(page.locator(".run").first).to_be_attached()
+        page.screenshot(path=PICTURES / f"{name}-{look}.png")
+        page.add_script_tag(path=AXE)
+        found = page.evaluate("axe.run({ resultTypes: ['violations'] })")
+        assert not serious(found), f"{name}: {json.dumps(serious(found), indent=1)}"
+        overflow = page.evaluate("document.documentElement.scrollWidth - innerWidth")
+        assert overflow <= 0, f"{name} is wider than the screen by {overflow}"
+    context.close()
+
+
+def test_a_phone_shows_picture_or_figures(browser: Browser, stack: Stack, run: str) -> None:
+    context = browser.new_context(viewport={"width": 390, "height": 844}, has_touch=True, is_mobile=True)
+    context.set_default_timeout(LIMIT_MS)
+    page = context.new_page()
+    page.goto(f"{stack.url}/?job={run}")
+    settled(page)
+    expect(page.get_by_role("heading", name="Downloads")).to_be_hidden()
+    page.get_by_role("button", name="Figures and downloads").tap()
+    expect(page.get_by_role("heading", name="Downloads")).to_be_visible()
+    page.get_by_role("button", name="Runs").tap()
+    expect(page.locator(".run").first).to_be_visible()
+    context.close()

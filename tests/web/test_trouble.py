@@ -1,0 +1,115 @@
+"""When something is wrong: a broken mesh, a service that goes away, a picture that is lost, an address of nothing."""
+
+from __future__ import annotations
+
+import io
+import signal
+
+import httpx
+import pytest
+from PIL import Image
+from playwright.sync_api import Page, expect
+
+from tests.e2e.api import Api
+from tests.e2e.test_readme import BOX_WITHOUT_A_LID
+from tests.stack import QUICK, Stack, started_stack, wait_for
+from tests.web.browser import Complaints, iteration, settled, status
+
+NETWORK = r"Failed to load resource: (net::ERR|the server responded with a status of (404|410|422|503))"
+
+
+def red_pixels(page: Page) -> int:
+    """Count the pixels of the picture that are the red of faults."""
+    picture = Image.open(io.BytesIO(page.locator(".viewer canvas").screenshot())).convert("RGB")
+    return sum(1 for r, g, b in picture.getdata() if r > 170 and g < 90 and b < 90)
+
+
+def test_a_refused_mesh_shows_where_it_is_broken_and_the_cure(
+    page: Page, complaints: Complaints, stack: Stack
+) -> None:
+    complaints.expect(NETWORK)
+    page.goto(stack.url)
+    box = {"name": "box.obj", "mimeType": "model/obj", "buffer": BOX_WITHOUT_A_LID}
+    page.locator("input[type=file]").set_input_files(box)
+    refusal = page.get_by_label("Why it was refused")
+    expect(refusal).to_contain_text("4 edges have one face only")
+    expect(refusal).to_contain_text("req_")
+    expect(page.locator(".report .bad")).to_contain_text("1 hole")
+    wait_for(lambda: red_pixels(page) > 50, what="the open edges in red")
+    page.get_by_role("button", name="Morph it with its holes").click()
+    expect(page.get_by_role("button", name="Run")).to_be_visible()
+    assert red_pixels(page) == 0
+
+
+def test_what_cannot_be_read_is_said_in_the_services_words(
+    page: Page, complaints: Complaints, stack: Stack
+) -> None:
+    complaints.expect(NETWORK)
+    page.goto(stack.url)
+    nothing = {"name": "nothing.obj", "mimeType": "model/obj", "buffer": b"v 0 0 0\nv 1 0 0\nv 0 1 0\n"}
+    page.locator("input[type=file]").set_input_files(nothing)
+    expect(page.get_by_role("alert")).to_contain_text("The file has no faces")
+    expect(page.locator(".note")).to_contain_text("No preview")
+
+
+def test_an_address_of_nothing_says_so(page: Page, complaints: Complaints, stack: Stack) -> None:
+    complaints.expect(NETWORK)
+    page.goto(f"{stack.url}/?job=job_01K5Z9Q8M4T6V2X0Y7R3N1W5BC")
+    expect(page.get_by_role("alert")).to_contain_text("job_01K5Z9Q8M4T6V2X0Y7R3N1W5BC")
+
+
+def test_a_lost_picture_comes_back(page: Page, stack: Stack, run: str) -> None:
+    page.goto(f"{stack.url}/?job={run}&it=5&up=z")
+    settled(page)
+    canvas = page.locator(".viewer canvas")
+    before = canvas.screenshot()
+    page.evaluate(
+        """() => {
+          const gl = document.querySelector('.viewer canvas').getContext('webgl2');
+          window.loss = gl.getExtension('WEBGL_lose_context');
+          window.loss.loseContext();
+        }"""
+    )
+    expect(page.locator(".note")).to_contain_text("took the picture away")
+    page.evaluate("window.loss.restoreContext()")
+    expect(page.locator(".note")).to_have_count(0)
+    wait_for(lambda: difference(before, canvas.screenshot()) < 1, what="the same picture again")
+
+
+def test_a_service_that_was_restarted_in_mid_run_is_found_again(
+    page: Page, complaints: Complaints, stone: bytes, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    complaints.expect(NETWORK)
+    complaints.expect("ERR_")
+    with started_stack(tmp_path_factory.mktemp("restart"), api=False, environment=QUICK) as stack:
+        process = stack.start_api()
+        api = Api(stack.url)
+        fields = {"preset": "paper", "iterations": "900000", "snapshots": "every:20000", "name": "long"}
+        answer = api.http.post("/v1/jobs", files={"file": ("stone.obj", stone)}, data=fields)
+        page.goto(f"{stack.url}/?job={answer.json()['id']}&it=0")
+        expect(status(page)).to_have_text("Running")
+        settled(page)
+        process.send_signal(signal.SIGKILL)
+        process.wait(10)
+        expect(page.get_by_role("alert")).to_contain_text("The service does not answer")
+        assert iteration(page) == 0
+        stack.start_api(httpx.URL(stack.url).port)
+        expect(page.locator(".banner")).to_have_count(0)
+        reached = api.job(answer.json()["id"])["progress"]["iteration"]
+
+        def shown() -> int:
+            text = page.locator(".going span").first.inner_text()
+            return int(text.split(" of")[0].replace("\u2009", ""))
+
+        wait_for(lambda: shown() > reached, limit_s=60, what="the run goes on before our eyes")
+        page.get_by_role("button", name="Cancel").click()
+        expect(status(page)).to_have_text("Cancelled")
+        api.http.close()
+
+
+def difference(one: bytes, other: bytes) -> float:
+    """Return by how much two pictures differ, from 0 to 255, seen from afar: antialiasing does not count."""
+    from PIL import ImageChops, ImageStat
+
+    small = [Image.open(io.BytesIO(data)).convert("L").resize((96, 72)) for data in (one, other)]
+    return float(ImageStat.Stat(ImageChops.difference(*small)).mean[0])
