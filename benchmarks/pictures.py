@@ -33,6 +33,24 @@ def bars(
     return _saved(figure, name)
 
 
+def lines(
+    name: str, title: str, sizes: Sequence[int], series: Mapping[str, Sequence[float]], *, unit: str
+) -> Path:
+    """Draw figures against numbers of vertices, these on a logarithmic scale."""
+    figure = Figure(figsize=_SIZE, layout="constrained")
+    axes = figure.add_subplot()
+    for what, values in series.items():
+        axes.plot(sizes, values, marker="o", markersize=4, label=what)
+    axes.set_xscale("log")
+    axes.set_ylim(bottom=0)
+    axes.set_xlabel("vertices")
+    axes.set_ylabel(unit)
+    axes.set_title(title)
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize=8)
+    return _saved(figure, name)
+
+
 def _saved(figure: Figure, name: str) -> Path:
     FOLDER.mkdir(exist_ok=True)
     path = FOLDER / f"{name}.png"
