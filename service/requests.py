@@ -229,8 +229,8 @@ def plan_form(request: JobRequest, fields: Collection[str], settings: Settings) 
 def _overrides(request: JobRequest) -> dict[str, Any]:
     given = request.parameters
     overrides = given.model_dump(mode="json", exclude_unset=True) if given is not None else {}
-    # null means "as the preset has it", but for annealing, which null turns off
-    overrides = {k: v for k, v in overrides.items() if v is not None or k == "annealing"}
+    # null means "as the preset has it", but for annealing and unfolding, which null turns off
+    overrides = {k: v for k, v in overrides.items() if v is not None or k in {"annealing", "unfolding"}}
     for name, short in (("iterations", request.iterations), ("method", request.method)):
         if short is not None and overrides.setdefault(name, short) != short:
             raise invalid(f"#/{name}", "contradiction", f"parameters.{name} is another one")

@@ -24,6 +24,7 @@ from spherify.geometry.config import (
     Rescale,
     Stage,
     StepUnit,
+    Unfolding,
 )
 from spherify.geometry.errors import InvalidConfigError
 from spherify.geometry.presets import DEFAULT_PRESET, PRESETS
@@ -54,6 +55,22 @@ class AnnealingParameters(_Strict):
     min_step: Annotated[
         float, Field(gt=0, title="Least step", description="Below it the run ends as `stalled`.")
     ]
+
+
+class UnfoldingParameters(_Strict):
+    """From `sphericity` on, if faces look inward or have nearly vanished by then: finish on the sphere."""
+
+    sphericity: Annotated[float, Field(gt=0, lt=1, title="Sphericity", description="Not before this Ψ.")]
+    exponent: Annotated[
+        float,
+        Field(
+            gt=0,
+            le=8,
+            title="Exponent",
+            description="Neighbours weigh their area to this power; it grows while triangles all but vanish.",
+        ),
+    ]
+    rounds: Annotated[int, Field(ge=1, le=1000, title="Rounds after each iteration")]
 
 
 class _Shared(_Strict):
@@ -162,10 +179,22 @@ class CurvatureParameters(_Shared):
     momentum: Annotated[
         float,
         Field(
-            ge=0, lt=1, title="Momentum", description="Share of the last movement that is repeated; 0 is off."
+            ge=0,
+            lt=1,
+            title="Momentum",
+            description="Most that is repeated of the last movement: k/(k + 3), k iterations after "
+            "the last fall of Ψ, up to this; 0 is off.",
         ),
     ]
     annealing: Annotated[AnnealingParameters | None, Field(title="Annealing", description="null is off.")]
+    unfolding: Annotated[
+        UnfoldingParameters | None,
+        Field(
+            title="Unfolding",
+            description="Closed meshes: once nearly round and folded, steps go along the radii, and directions are "
+            "drawn to those of their neighbours until no face looks inward; null is off.",
+        ),
+    ]
 
     def config(self) -> FlowConfig:
         """Return the configuration of the run; raises `InvalidConfigError` where two values contradict."""
@@ -173,6 +202,8 @@ class CurvatureParameters(_Shared):
         values["schedule"] = tuple(Stage(s.repeat, s.k_in, s.k_out) for s in self.schedule)
         if self.annealing is not None:
             values["annealing"] = Annealing(**self.annealing.model_dump())
+        if self.unfolding is not None:
+            values["unfolding"] = Unfolding(**self.unfolding.model_dump())
         return FlowConfig(**values)
 
 

@@ -214,7 +214,7 @@ def run(
     relaxation = settings.pop("relaxation", 0)
     start_edge, start_area, start_volume = mean_edge(V, F), area(V, F), volume(V, F)
     stages = [(k_in, k_out) for repeat, k_in, k_out in schedule for _ in range(repeat)]
-    before, b, scale, waited = V, 0.0, 1.0, 0
+    before, b, scale, waited, rises = V, 0.0, 1.0, 0, 0
     psi = plateau = sphericity(V, F)
     states = [(V, psi)]
     for i in range(iterations):
@@ -232,7 +232,8 @@ def run(
             moved = scaled_about_centroid(moved, F, (start_volume / volume(moved, F)) ** (1 / 3))
         before, V = V, moved
         last, psi = psi, sphericity(V, F)
-        b = 0.0 if psi < last else min(b + 0.02, momentum)
+        rises = 0 if psi < last else rises + 1
+        b = min(rises / (rises + 3), momentum)
         waited += 1
         if psi > plateau + 1e-4:
             plateau, waited = psi, 0

@@ -60,6 +60,34 @@ class Annealing:
 
 
 @dataclass(frozen=True, slots=True)
+class Unfolding:
+    """Finish on the sphere: see `spherify.geometry.unfolding`. Ours; of closed meshes only.
+
+    It begins once the surface is that round, if by then a face looks inward or has nearly vanished, and lasts to the
+    end of the run: elementary steps go along the radii, without a bound, and rounds of unfolding follow each iteration.
+
+    Attributes:
+        sphericity: from which on.
+        exponent: neighbours weigh (area of the triangles at them) to this power; it grows by itself while triangles
+            all but vanish.
+        rounds: after each iteration.
+
+    """
+
+    sphericity: float
+    exponent: float
+    rounds: int
+
+    def __post_init__(self) -> None:
+        if not 0 < self.sphericity < 1:
+            raise InvalidConfigError(f"unfolding.sphericity must lie between 0 and 1, not {self.sphericity}")
+        if not self.exponent > 0:
+            raise InvalidConfigError(f"unfolding.exponent must be positive, not {self.exponent}")
+        if self.rounds < 1:
+            raise InvalidConfigError(f"unfolding.rounds must be at least 1, not {self.rounds}")
+
+
+@dataclass(frozen=True, slots=True)
 class FlowConfig:
     """Every parameter of one run of the curvature transformation.
 
@@ -74,10 +102,11 @@ class FlowConfig:
             altitude of the triangles at it. Ours.
         relaxation: fraction of the tangential umbrella vector added after each elementary step; 0 is off. Ours.
         relaxation_exponent: neighbours weigh (area of the triangles at them) to this power. Ours.
-        momentum: b of p ← p + b·(p - p_before) before each iteration, grown by 0.02 an iteration up to this
-            and set to 0 when the sphericity fell; 0 is off. Ours.
+        momentum: most b of p ← p + b·(p - p_before) before each iteration; b = k/(k + 3) after k iterations
+            without a fall of the sphericity; 0 is off. Ours.
         rescale: what is restored about the centroid after each iteration. Ours.
         annealing: see `Annealing`; None is off.
+        unfolding: see `Unfolding`; None is off.
         stop_radius_variation: the run ends as ``converged`` below this radius variation, unless a face
             looks inward; 0 is off.
         boundary: whether vertices on an open boundary move. Closed meshes have none.
@@ -97,6 +126,7 @@ class FlowConfig:
     momentum: float = 0.0
     rescale: Rescale = "none"
     annealing: Annealing | None = None
+    unfolding: Unfolding | None = None
     stop_radius_variation: float = 0.0
     boundary: Boundary = "fixed"
     method: Literal["curvature"] = "curvature"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from spherify.geometry.config import Annealing, Config, FlowConfig, ImplicitFlowConfig, Stage
+from spherify.geometry.config import Annealing, Config, FlowConfig, ImplicitFlowConfig, Stage, Unfolding
 
 ALGORITHM_2: Final = (Stage(100, 2, 2), Stage(100, 2, 1))  # Vartziotis, Algorithm 2
 DEFAULT_PRESET: Final = "robust"
@@ -39,7 +39,7 @@ PRESETS: Final = {
             "tangential relaxation, momentum and annealing. Ends by itself.",
             FlowConfig(
                 iterations=5_000,
-                measure="vtk",
+                measure="dual-area",
                 schedule=(Stage(1, 2, 2),),
                 step=0.05,
                 step_unit="mean-edge",
@@ -47,9 +47,10 @@ PRESETS: Final = {
                 step_bound=0.2,
                 relaxation=0.5,
                 relaxation_exponent=1.0,
-                momentum=0.95,
+                momentum=0.98,
                 rescale="area",
                 annealing=Annealing(patience=50, factor=0.5, min_step=1e-4),
+                unfolding=Unfolding(sphericity=0.99, exponent=4.0, rounds=8),
                 stop_radius_variation=1e-3,
             ),
         ),

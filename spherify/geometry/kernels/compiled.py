@@ -10,6 +10,7 @@ from functools import partial
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from spherify.geometry.config import FlowConfig, Stage
 from spherify.geometry.kernels.buffers import Space, buffers, scratch
@@ -28,15 +29,18 @@ from spherify.geometry.kernels.passes.types import (
     NOT_FINITE,
     RELAX,
     VERTICES,
+    Connectivity,
     Found,
     Mode,
     Task,
 )
+from spherify.geometry.kernels.passes.unfolding import move_radially, unfold
 from spherify.geometry.kernels.reference import ReferenceKernel
 from spherify.geometry.kernels.team import Team
 from spherify.geometry.mesh import Floats
 from spherify.geometry.roundness import Shape
 from spherify.geometry.topology import Topology
+from spherify.geometry.unfolding import Unfolded
 
 PASSES_OF_SHAPE: Final = (shape.INTEGRATE, shape.CENTRE, shape.RADII, shape.MOMENTS, shape.SPREAD)
 ALL_MEASURES: Final = sum(PASSES_OF_SHAPE)
@@ -64,6 +68,7 @@ class CompiledKernel:
         )
         self._parts = self._numbering.parts(self._team.threads)
         self._closed = topology.closed
+        self._neighbours: NDArray[np.uint32] | None = None  # made when first needed
         self._edge_count = len(topology.edges)
         self._single = self._numbering.place[topology.edges[topology.boundary_edges]]
 
@@ -76,6 +81,41 @@ class CompiledKernel:
         if end == NOT_FINITE:
             return self._reference.transform(V, stage, step, relaxation)
         return self._unloaded()
+
+    def transform_radially(self, V: Floats, stage: Stage, step: float, centre: Floats) -> Floats | None:
+        """See `spherify.geometry.kernels.interface.Kernel.transform_radially`."""
+        self._load(V)
+        for outward in [False] * stage.k_in + [True] * stage.k_out:
+            found = self._curvature(Task(0, *self._parts[0], 1, 0, step, 0.0))
+            if found.end == CONSTANT:
+                return None
+            if found.end == NOT_FINITE:
+                return self._reference.transform_radially(V, stage, step, centre)
+            use = self._use
+            move_radially(use.position, use.curvature, found.K_min, found.K_max, step, outward, centre)
+        return self._unloaded()
+
+    def unfold(
+        self, V: Floats, centre: Floats, log_weights: Floats, *, exponent: float, damping: float, rounds: int
+    ) -> Unfolded:
+        """See `spherify.geometry.kernels.interface.Kernel.unfold`."""
+        mesh = self._mesh
+        if self._neighbours is None:
+            self._neighbours = _neighbours(mesh)
+        self._load(V)
+        weights = log_weights[self._numbering.order]
+        inward, least_area = unfold(
+            self._use.position,
+            mesh.corners,
+            mesh.first,
+            self._neighbours,
+            weights,
+            centre,
+            exponent,
+            damping,
+            rounds,
+        )
+        return Unfolded(self._unloaded(), weights[self._numbering.place], inward, least_area)
 
     def shape(self, V: Floats) -> Shape:
         """See `spherify.geometry.kernels.interface.Kernel.shape`."""
@@ -180,6 +220,13 @@ class CompiledKernel:
 
         self._team.each(take, self._parts)
         return moved
+
+
+def _neighbours(mesh: Connectivity) -> NDArray[np.uint32]:
+    """(3m,) neighbours of the vertices of a closed mesh: where the half-edges of ``mesh.halfedges`` lead."""
+    at = mesh.halfedges
+    led_to: NDArray[np.uint32] = np.ascontiguousarray(mesh.corners.T).reshape(-1)[at - at % 3 + (at + 1) % 3]
+    return led_to
 
 
 class CompiledEngine:

@@ -8,6 +8,7 @@ from spherify.geometry.config import FlowConfig, Stage
 from spherify.geometry.mesh import Floats
 from spherify.geometry.roundness import Shape
 from spherify.geometry.topology import Topology
+from spherify.geometry.unfolding import Unfolded
 
 
 class Kernel(Protocol):
@@ -27,6 +28,19 @@ class Kernel(Protocol):
             undefined and the mesh must not move.
 
         """
+        ...
+
+    def transform_radially(self, V: Floats, stage: Stage, step: float, centre: Floats) -> Floats | None:
+        """Apply T once with the direction from ``centre`` (3,) for the normal; neither bound nor relaxation.
+
+        Arguments and result otherwise as of `transform`. No face that looks outward from the centre can be turned.
+        """
+        ...
+
+    def unfold(
+        self, V: Floats, centre: Floats, log_weights: Floats, *, exponent: float, damping: float, rounds: int
+    ) -> Unfolded:
+        """Do what `spherify.geometry.unfolding.unfolded` does."""
         ...
 
     def shape(self, V: Floats) -> Shape:

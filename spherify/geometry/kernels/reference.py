@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+
 import numpy as np
 
 from spherify.geometry import measures, transformation
@@ -10,6 +13,7 @@ from spherify.geometry.curvature import curvature_from
 from spherify.geometry.mesh import Floats
 from spherify.geometry.roundness import Shape, shape_of
 from spherify.geometry.topology import Topology
+from spherify.geometry.unfolding import Unfolded, unfolded
 
 
 class ReferenceKernel:
@@ -22,18 +26,45 @@ class ReferenceKernel:
 
     def transform(self, V: Floats, stage: Stage, step: float, relaxation: float) -> Floats | None:
         """See `spherify.geometry.kernels.interface.Kernel.transform`."""
-        directions = [transformation.inward] * stage.k_in + [transformation.outward] * stage.k_out
+        return self._applied(V, stage, partial(self._elementary_step, step=step, relaxation=relaxation))
+
+    def transform_radially(self, V: Floats, stage: Stage, step: float, centre: Floats) -> Floats | None:
+        """See `spherify.geometry.kernels.interface.Kernel.transform_radially`."""
+        return self._applied(V, stage, partial(self._radial_step, step=step, centre=centre))
+
+    def unfold(
+        self, V: Floats, centre: Floats, log_weights: Floats, *, exponent: float, damping: float, rounds: int
+    ) -> Unfolded:
+        """See `spherify.geometry.kernels.interface.Kernel.unfold`."""
+        return unfolded(
+            V, self._topology, centre, log_weights, exponent=exponent, damping=damping, rounds=rounds
+        )
+
+    def shape(self, V: Floats) -> Shape:
+        """See `spherify.geometry.kernels.interface.Kernel.shape`."""
+        return shape_of(V, self._topology)
+
+    def _applied(
+        self, V: Floats, stage: Stage, elementary: Callable[[Floats, transformation.Direction], Floats | None]
+    ) -> Floats | None:
         moved = np.asfortranarray(V)
-        for along in directions:
-            next_positions = self._elementary_step(moved, along, step, relaxation)
+        for along in [transformation.inward] * stage.k_in + [transformation.outward] * stage.k_out:
+            next_positions = elementary(moved, along)
             if next_positions is None:
                 return None
             moved = next_positions
         return moved
 
-    def shape(self, V: Floats) -> Shape:
-        """See `spherify.geometry.kernels.interface.Kernel.shape`."""
-        return shape_of(V, self._topology)
+    def _radial_step(
+        self, V: Floats, along: transformation.Direction, step: float, centre: Floats
+    ) -> Floats | None:
+        vectors = measures.area_vectors(V, self._topology.faces)
+        areas, face_normals = measures.norm(vectors), measures.normalised(vectors)
+        K = curvature_from(V, self._topology, self._config.measure, face_normals, areas)
+        t = transformation.normalised_curvature(K, self._config.window)
+        if t is None:
+            return None
+        return V + (step * along(t))[:, None] * measures.normalised(V - centre)
 
     def _elementary_step(
         self, V: Floats, along: transformation.Direction, step: float, relaxation: float
