@@ -72,7 +72,7 @@ def animal() -> bytes:
 @pytest.fixture(scope="session")
 def stone() -> bytes:
     """A sample that `paper` goes on with for as long as it may."""
-    return write_mesh(SAMPLES["stone"].build(300), "obj")
+    return write_mesh(SAMPLES["stone"].build(4000), "obj")
 
 
 @pytest.fixture(scope="session")
