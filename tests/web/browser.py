@@ -78,6 +78,11 @@ def iteration(page: Page) -> int:
     return int(page.get_by_role("slider", name="Iteration").first.get_attribute("aria-valuenow") or -1)
 
 
+def address(page: Page) -> str:
+    """Return the address now; `page.url` is as old as the last news from the browser."""
+    return str(page.evaluate("location.href"))
+
+
 def status(page: Page) -> Locator:
     """Return the job's state in a word."""
     return page.locator(".status .pill")

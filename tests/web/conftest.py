@@ -16,7 +16,7 @@ from tests.web.browser import LIMIT_MS, NONE, OPTIONS, Complaints, built, chromi
 expect.set_options(timeout=LIMIT_MS)
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")  # Playwright's event loop would be in the way of other folders' tests
 def browser() -> Iterator[Browser]:
     """The system's Chromium; without one these tests are left out, loudly."""
     path = chromium()

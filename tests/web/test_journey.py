@@ -11,7 +11,7 @@ from playwright.sync_api import BrowserContext, Page, expect
 
 from tests.e2e.api import Api
 from tests.stack import Stack, wait_for
-from tests.web.browser import PICTURES, Complaints, iteration, settled, status
+from tests.web.browser import PICTURES, Complaints, address, iteration, settled, status
 
 
 def test_from_a_file_to_a_shared_link(
@@ -101,7 +101,7 @@ def test_from_a_file_to_a_shared_link(
     canvas = page.locator(".viewer canvas")
     canvas.focus()
     page.keyboard.press("ArrowUp")
-    wait_for(lambda: "cam=" in page.url, what="the camera in the address")
+    wait_for(lambda: "cam=" in address(page), what="the camera in the address")
     settled(page)
     page.get_by_role("button", name="Copy link").click()
     link = page.evaluate("navigator.clipboard.readText()")
@@ -112,7 +112,7 @@ def test_from_a_file_to_a_shared_link(
     settled(other)
     expect(other.get_by_label("Legend: Curvature")).to_be_visible()
     assert iteration(other) == iteration(page)
-    cameras = [httpx.URL(one.url).params["cam"].split(",") for one in (page, other)]
+    cameras = [httpx.URL(address(one)).params["cam"].split(",") for one in (page, other)]
     assert all(abs(float(a) - float(b)) < 0.002 for a, b in zip(*cameras, strict=True))
     other.close()
 
@@ -121,15 +121,15 @@ def test_from_a_file_to_a_shared_link(
     expect(page.locator(".pane")).to_have_count(2)
     expect(page.locator(".pane h2").first).to_have_text("cat")
     settled(page)
-    wait_for(lambda: "compare=" in page.url, what="both in the address")
-    before = page.url
+    wait_for(lambda: "compare=" in address(page), what="both in the address")
+    before = address(page)
     right = page.locator(".viewer canvas").last.bounding_box()
     assert right is not None
     page.mouse.move(right["x"] + 200, right["y"] + 300)
     page.mouse.down()
     page.mouse.move(right["x"] + 320, right["y"] + 330, steps=4)
     page.mouse.up()
-    wait_for(lambda: page.url != before, what="the left one, whose camera the address holds, turned too")
+    wait_for(lambda: address(page) != before, what="the left one, whose camera the address holds, turned too")
     PICTURES.mkdir(exist_ok=True)
     page.screenshot(path=PICTURES / "journey-compare.png")
 

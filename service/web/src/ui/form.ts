@@ -3,7 +3,7 @@ import type { FormField, Json, NumberField, Values } from '../core/schema';
 import { wrong } from '../core/schema';
 import { icon } from './icons';
 
-/** Draws the fields of a schema; every change is told as a new set of values. */
+/** Draws the fields of a schema; each change is told alone, as what was drawn may be older than what was typed since. */
 export function fields(
   list: readonly FormField[],
   values: Values,
@@ -14,7 +14,7 @@ export function fields(
   return list.map((field) => {
     const value = values[field.name] ?? null;
     const put = (next: Json): void => {
-      changed({ ...values, [field.name]: next });
+      changed({ [field.name]: next });
     };
     const differs = JSON.stringify(value) !== JSON.stringify(original[field.name] ?? null);
     return row(field, value, original[field.name] ?? null, put, `${path}-${field.name}`, differs);
@@ -160,7 +160,21 @@ function group(
       ? html`<label class="check"><input type="checkbox" .checked=${on} @change=${switched} /> on</label>`
       : nothing
   }
-  ${on ? html`<div class="nested">${fields(field.fields, inner, (original ?? {}) as Values, put, id)}</div>` : nothing}`;
+  ${
+    on
+      ? html`<div class="nested">
+          ${fields(
+            field.fields,
+            inner,
+            (original ?? {}) as Values,
+            (patch) => {
+              put({ ...inner, ...patch });
+            },
+            id,
+          )}
+        </div>`
+      : nothing
+  }`;
 }
 
 function rows(

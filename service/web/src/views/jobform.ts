@@ -51,7 +51,7 @@ export class JobForm {
     );
     const draw = (list: readonly FormField[]): TemplateResult[] =>
       fields(list, this.values, original, (values) => {
-        this.values = values;
+        this.values = { ...this.values, ...values };
         this.context.refresh();
       });
     return html`<form

@@ -311,7 +311,9 @@ export class Stage extends Emitter {
     } finally {
       this.fetching = null;
     }
-    if (!this.isClosed()) this.update();
+    if (this.isClosed()) return;
+    this.update();
+    this.changed(); // the legend's numbers came with it
   }
 
   private fail(thrown: unknown): void {
