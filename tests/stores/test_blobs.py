@@ -1,9 +1,11 @@
 from __future__ import annotations
 
 import os
+import random
 import resource
 import threading
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -11,12 +13,15 @@ import pytest
 from spherify.jobs.errors import BlobExistsError, BlobNotFoundError, JobsError, StorageFullError
 from spherify.jobs.ports import BlobStore
 from spherify.stores.blobs import FolderBlobStore
+from spherify.stores.files import open_blobs
 from spherify.stores.memory_blobs import MemoryBlobStore
 
 
-@pytest.fixture(params=["memory", "folder"])
+@pytest.fixture(params=["memory", "folder", pytest.param("s3", marks=pytest.mark.s3)])
 def blobs(request: pytest.FixtureRequest, tmp_path: Path) -> BlobStore:
-    return MemoryBlobStore(tmp_path) if request.param == "memory" else FolderBlobStore(tmp_path / "blobs")
+    if request.param == "s3":
+        return open_blobs(request.getfixturevalue("s3_url"), tmp_path)
+    return MemoryBlobStore(tmp_path) if request.param == "memory" else open_blobs("folder", tmp_path)
 
 
 def test_a_blob_is_read_as_it_was_written(blobs: BlobStore) -> None:
@@ -96,6 +101,31 @@ def test_listing_is_sorted_and_by_folder(blobs: BlobStore) -> None:
         blobs.create(key, key.encode())
     assert [stat.key for stat in blobs.list("jobs/b/")] == ["jobs/b/10", "jobs/b/2"]
     assert [stat.key for stat in blobs.list("")] == ["jobs/a/1", "jobs/b/10", "jobs/b/2", "jobs/bb/1", "x"]
+
+
+def test_folders_are_named_in_order(blobs: BlobStore) -> None:
+    for key in ("jobs/b/2", "jobs/b/x/3", "jobs/a/1", "jobs/file", "meshes/c/1"):
+        blobs.create(key, b"")
+    assert list(blobs.folders("jobs/")) == ["a", "b"]
+    assert list(blobs.folders("nothing/")) == []
+
+
+def test_a_large_blob_is_read_in_parts_and_as_a_whole(blobs: BlobStore, tmp_path: Path) -> None:
+    content = random.Random(1).randbytes(9_000_001)
+    path = blobs.scratch() / "upload"
+    path.write_bytes(content)
+    blobs.adopt("meshes/a/original.ply", path)
+    assert blobs.read("meshes/a/original.ply") == content
+    with blobs.open("meshes/a/original.ply") as file:
+        pieces = iter(partial(file.read, 262_144), b"")
+        assert b"".join(pieces) == content
+        for start, size in ((8_999_000, 5000), (5, 10), (4_194_300, 10), (9_000_001, 1), (9_500_000, 1)):
+            file.seek(start)
+            assert file.read(size) == content[start : start + size]
+
+
+def test_it_says_that_it_is_there(blobs: BlobStore) -> None:
+    blobs.ping()
 
 
 def test_a_deleted_key_may_be_written_again(blobs: BlobStore) -> None:

@@ -1,0 +1,32 @@
+"""Where the files are, from one word of the settings: needed by processes that know nothing of servers, too."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+from spherify.jobs.ports import BlobStore
+from spherify.stores.blobs import FolderBlobStore
+
+PATIENCE_S: Final = 10.0
+
+
+def open_blobs(where: str, data_dir: Path, *, patience_s: float = PATIENCE_S) -> BlobStore:
+    """Return the store of the files; nothing is sent before its first use.
+
+    Args:
+        where: `Settings.blobs`: ``folder``, or ``s3://bucket/prefix``.
+        data_dir: holds the folder, and unfinished files in any case.
+        patience_s: how long a call is repeated while a server does not answer.
+
+    Raises:
+        ModuleNotFoundError: a bucket is named, and its client is not installed.
+
+    """
+    if where == "folder":
+        return FolderBlobStore(data_dir / "blobs")
+    try:
+        from spherify.stores.s3_blobs import S3BlobStore  # noqa: PLC0415 (an extra: most have a folder)
+    except ModuleNotFoundError as e:
+        raise ModuleNotFoundError(f"{where} needs the client for S3: pip install 'spherify[s3]'") from e
+    return S3BlobStore(where, data_dir / "scratch", patience_s=patience_s)
