@@ -1,14 +1,15 @@
 """What lives as long as a worker's processes: the supervisor of each pool process, the reconciler of the main one.
 
-    main process          reads messages; reconciles and watches itself, in threads; on SIGTERM raises a flag its
-    │                     children share
-    └── pool process      one supervisor; one delivery at a time
-        ├── runner        computes
-        └── runner        the spare
+    main process          reads messages; watches itself, in a thread; on SIGTERM raises a flag its children share
+    └── pool process      one supervisor; one delivery at a time; reconciles, in a thread
+        └── fork server   has imported everything, and stays as it is
+            └── runner    computes
 Each ends with the one above it, even when that is killed.
 
 SIGTERM is Celery's warm shutdown: no new messages, and an end as soon as the tasks return. They return within the
 grace time, because a supervisor that sees the flag hands its job on.
+
+The main process never touches files: it forks, and the client of an object store does not survive that.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from __future__ import annotations
 import logging
 import multiprocessing
 import os
+import socket
 from typing import Any
 
 from celery import signals
@@ -69,7 +71,7 @@ def supervisor() -> Supervisor:
         settings = _Process.settings
         stores = _stores()
         _Process.supervisor = Supervisor(
-            stores.jobs, stores.blobs, stores.queue, settings, Runners(settings.threads), stopping=stopping
+            stores.jobs, stores.blobs, stores.queue, settings, Runners(), stopping=stopping
         )
     return _Process.supervisor
 
@@ -91,8 +93,6 @@ def _set_up_logging(**_: Any) -> None:  # noqa: ANN401 (what Celery sends along)
 
 def _begin(sender: Any, **_: Any) -> None:  # noqa: ANN401 (Celery's worker)
     settings = _Process.settings
-    _Process.reconciler = ReconcilerThread(settings, name=f"{sender.hostname}/{os.getpid()}")
-    _Process.reconciler.start()
     stores, slots = open_stores(settings, timeout_s=_TIMEOUT_S), sender.app.conf.worker_concurrency
     _Process.watchdog = Watchdog(
         lambda: Vitals(
@@ -110,8 +110,6 @@ def _begin(sender: Any, **_: Any) -> None:  # noqa: ANN401 (Celery's worker)
 
 def _shut_down(**_: Any) -> None:  # noqa: ANN401 (as above)
     _stop.value = 1
-    if _Process.reconciler is not None:
-        _Process.reconciler.stop()
     if _Process.watchdog is not None:
         _Process.watchdog.stop()
 
@@ -119,8 +117,14 @@ def _shut_down(**_: Any) -> None:  # noqa: ANN401 (as above)
 def _begin_child(**_: Any) -> None:  # noqa: ANN401 (as above)
     die_with_parent(os.getppid())
     supervisor().runners.prepare()
+    _Process.reconciler = ReconcilerThread(
+        _Process.settings, name=f"worker@{socket.gethostname()}/{os.getpid()}"
+    )
+    _Process.reconciler.start()
 
 
 def _end_child(**_: Any) -> None:  # noqa: ANN401 (as above)
+    if _Process.reconciler is not None:
+        _Process.reconciler.stop()
     if _Process.supervisor is not None:
         _Process.supervisor.runners.close()

@@ -1,7 +1,7 @@
 """What supervisor and runner say to each other: one order down the pipe, then events up it, a line of JSON each.
 
 order      everything the runner needs to know
-ready      signals are heard from now on
+ready      pid: signals are heard from now on
 snapshot   a file is durable
 report     progress, and rows since the last report
 end        the outcome; everything is durable
@@ -26,12 +26,13 @@ class Order:
 
     Attributes:
         token: fencing token of the attempt, part of the names of its files.
-        data_dir: folder of the blob store.
+        data_dir: folder of the service's data.
         memory_bytes: limit of the runner's address space.
         deadline_s: seconds of computing.
         checkpoint_s: seconds between checkpoints.
         engine: who computes a new run; None is the default.
         threads: it computes with.
+        blobs: where files are kept, see `spherify.stores.files.open_blobs`.
 
     """
 
@@ -43,6 +44,7 @@ class Order:
     checkpoint_s: float
     engine: str | None = None
     threads: int = 1
+    blobs: str = "folder"
 
     def line(self) -> bytes:
         """Return the order as it goes down the pipe."""

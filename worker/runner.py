@@ -1,11 +1,13 @@
-"""The process that computes: ``python -m worker.runner PARENT_PID``, its order on standard input.
+"""The process that computes: one order comes down its pipe, events go up.
 
-It knows files and a pipe, nothing of Redis or Celery. It is started before there is a job, so that the imports are
-done when one comes. It ends with its supervisor, whatever happens to that one.
+It knows files and a pipe, nothing of Redis or Celery, and ends with its supervisor, whatever happens to that one.
+Usually it is forked, see `worker.fork_server`; ``python -m worker.runner PARENT_PID`` is one with its order on
+standard input and its events on standard output.
 """
 
 from __future__ import annotations
 
+import importlib
 import os
 import resource
 import signal
@@ -16,7 +18,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from types import FrameType
-from typing import BinaryIO, Final
+from typing import BinaryIO, Final, NoReturn
 
 from spherify.geometry.errors import GeometryError, InvalidCheckpointError
 from spherify.geometry.flow import engine_for
@@ -25,25 +27,34 @@ from spherify.geometry.mesh import TriangleMesh
 from spherify.geometry.schedule import SnapshotPlan
 from spherify.jobs import layout
 from spherify.jobs.codec import load_spec
-from spherify.jobs.errors import BlobNotFoundError, DamagedBlobError, StorageFullError
+from spherify.jobs.errors import (
+    BlobNotFoundError,
+    DamagedBlobError,
+    StorageFullError,
+    StoreUnavailableError,
+)
 from spherify.jobs.model import JobSpec, Progress
 from spherify.jobs.outcome import internal_error, outcome_of
+from spherify.jobs.ports import BlobStore
 from spherify.jobs.rows import Row
 from spherify.jobs.run import Kept, RunEnd, Stop, run
 from spherify.parameters import stored_parameters
 from spherify.stores.arrays import dump_arrays, load_arrays
-from spherify.stores.blobs import FolderBlobStore
+from spherify.stores.files import open_blobs
 from spherify.stores.tether import die_with_parent
 from worker.orders import CANCEL_SIGNAL, HAND_ON_SIGNAL, Order, event_line
 from worker.resume import Resumption, find_resumption, snapshot_record
 
+_PATIENCE_S: Final = (
+    60.0  # with a store that does not answer: the lease is renewed meanwhile, and work is not lost
+)
 _ABANDONED: Final = 3  # exit code: the supervisor is gone
 
 
 class PipeSink:
     """A `spherify.jobs.run.Sink`: files into the blob store, then their names up the pipe."""
 
-    def __init__(self, blobs: FolderBlobStore, order: Order, pipe: BinaryIO) -> None:
+    def __init__(self, blobs: BlobStore, order: Order, pipe: BinaryIO) -> None:
         self.blobs = blobs
         self.order = order
         self._pipe = pipe
@@ -78,7 +89,7 @@ class PipeSink:
 
 def work(order: Order, pipe: BinaryIO, told: list[Stop]) -> None:
     """Do what the order says; whatever goes wrong in a way that would go wrong again becomes an event."""
-    blobs = FolderBlobStore(Path(order.data_dir))
+    blobs = open_blobs(order.blobs, Path(order.data_dir), patience_s=_PATIENCE_S)
     sink = PipeSink(blobs, order, pipe)
     try:
         _limit_memory(order.memory_bytes)
@@ -90,6 +101,11 @@ def work(order: Order, pipe: BinaryIO, told: list[Stop]) -> None:
         _limit_memory(resource.RLIM_INFINITY)  # what remains to be done is small, and has to be said
         detail = f"the job needs more memory than the {order.memory_bytes / 2**20:.0f} MiB a runner may have"
         sink.send("failed", code="out-of-memory", detail=f"{detail}: use a smaller mesh")
+    except (
+        StoreUnavailableError
+    ) as e:  # the job is not to blame: it waits for better times, at its last checkpoint
+        _note(f"{order.job_id}: handed on, {e}")
+        sink.send("handed-on")
     except StorageFullError as e:
         sink.send("failed", code="storage-full", detail=f"{e}: delete jobs that are no longer needed")
     except (BlobNotFoundError, DamagedBlobError) as e:
@@ -151,41 +167,74 @@ def _limit_memory(limit: int) -> None:
     resource.setrlimit(resource.RLIMIT_AS, (limit, hard))
 
 
-def _leave_when_abandoned() -> None:
-    """Wait for the end of standard input: then there is no supervisor any more (where there is no tether)."""
-    os.read(0, 1)
-    os._exit(_ABANDONED)
+def get_ready() -> None:
+    """Load what a job may need, and the machine code of the kernels, which is made once on a machine."""
+    importlib.import_module(
+        "spherify.geometry.methods.implicit"
+    )  # with scipy's solvers: else loaded when needed
+    default_engine().warm()
 
 
-def main() -> None:
-    """Get ready, wait for an order, carry it out."""
-    die_with_parent(int(sys.argv[1]))
+def obey(orders: int, events: int) -> NoReturn:
+    """Say that signals are heard, take one order and carry it out, and end this process.
+
+    Args:
+        orders: file descriptor the order comes from, and then nothing until the supervisor is gone.
+        events: file descriptor of the events.
+
+    """
     told: list[Stop] = []
 
     def hear(number: int, _frame: FrameType | None) -> None:
         told.append(Stop.CANCEL if number == CANCEL_SIGNAL else Stop.HAND_ON)
 
-    signal.signal(CANCEL_SIGNAL, hear)
-    signal.signal(HAND_ON_SIGNAL, hear)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the worker, which hands on
-    pipe = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # whatever prints does not get among the events
-    pipe.write(event_line("ready"))
-    pipe.flush()
-    default_engine().warm()  # while there is no job; machine code is loaded, or made once on a machine
-    line = b""
-    while not line.endswith(b"\n"):  # byte by byte: what follows belongs to the thread below
-        byte = os.read(0, 1)
-        if not byte:
-            return
-        line += byte
-    threading.Thread(target=_leave_when_abandoned, daemon=True).start()
     try:
-        work(Order.parse(line), pipe, told)
+        signal.signal(CANCEL_SIGNAL, hear)
+        signal.signal(HAND_ON_SIGNAL, hear)
+        _volunteer_for_lack_of_memory()
+        with os.fdopen(events, "wb") as pipe:
+            pipe.write(event_line("ready", pid=os.getpid()))
+            pipe.flush()
+            line = _first_line(orders)
+            threading.Thread(target=_leave_when_abandoned, args=(orders,), daemon=True).start()
+            work(Order.parse(line), pipe, told)
     except BaseException:  # noqa: BLE001 (nobody is there to catch it, and the usual end would take its time)
         traceback.print_exc()
         os._exit(1)
     os._exit(0)  # all is written and flushed; tearing the interpreter down would keep the job waiting
+
+
+def _first_line(orders: int) -> bytes:
+    """Return the order; byte by byte, for what follows belongs to another thread."""
+    line = b""
+    while not line.endswith(b"\n"):
+        byte = os.read(orders, 1)
+        if not byte:
+            os._exit(0)  # no job came
+        line += byte
+    return line
+
+
+def _leave_when_abandoned(orders: int) -> None:
+    """Wait for the end of the orders: then there is no supervisor any more (where there is no tether)."""
+    os.read(orders, 1)
+    os._exit(_ABANDONED)
+
+
+def _volunteer_for_lack_of_memory() -> None:
+    """Have the kernel end this process, not the one that would tell of it, when the machine runs out of memory."""
+    if sys.platform.startswith("linux"):
+        Path("/proc/self/oom_score_adj").write_text("1000", "ascii")
+
+
+def main() -> None:
+    """Be a runner that was not forked."""
+    die_with_parent(int(sys.argv[1]))
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the worker, which hands on
+    events = os.dup(1)
+    os.dup2(2, 1)  # whatever prints does not get among the events
+    get_ready()
+    obey(0, events)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Runner processes: one kept ready, so that a job need not wait for Python and its imports."""
+"""Runner processes as the supervisor has them: an order goes down a pipe, events come up another."""
 
 from __future__ import annotations
 
@@ -6,42 +6,37 @@ import json
 import os
 import selectors
 import signal
-import subprocess
-import sys
 import threading
+from collections.abc import Callable
 from contextlib import suppress
 from typing import Any, Final
 
 from worker.orders import Order
+from worker.processes import ForkServer, Process, can_fork, spawn
 
-_THREAD_VARIABLES: Final = (
-    "OMP_NUM_THREADS",
-    "OPENBLAS_NUM_THREADS",
-    "MKL_NUM_THREADS",
-    "NUMBA_NUM_THREADS",
-    "VECLIB_MAXIMUM_THREADS",
-)
 _READ: Final = 1 << 16
 
 
 class Runner:
-    """One process of `worker.runner`, and the events that come up its pipe."""
+    """One runner process, and the events that come up its pipe.
 
-    def __init__(self, threads: int) -> None:
-        environment = {**os.environ, **dict.fromkeys(_THREAD_VARIABLES, str(threads))}
-        self._process = subprocess.Popen(  # noqa: S603 (our own command line)
-            [sys.executable, "-m", "worker.runner", str(os.getpid())],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            bufsize=0,
-            env=environment,
-        )
-        assert self._process.stdin is not None  # noqa: S101 (it is a pipe, above)
-        assert self._process.stdout is not None  # noqa: S101 (as above)
-        self._stdin, self._stdout = self._process.stdin, self._process.stdout
-        os.set_blocking(self._stdout.fileno(), False)
+    Args:
+        start: starts the process, given where its order comes from and where its events go.
+
+    """
+
+    def __init__(self, start: Callable[[int, int], Process]) -> None:
+        order, stdin = os.pipe()
+        stdout, events = os.pipe()
+        self._stdin, self._stdout = os.fdopen(stdin, "wb", buffering=0), os.fdopen(stdout, "rb", buffering=0)
+        try:
+            self._process = start(order, events)
+        finally:
+            os.close(order)
+            os.close(events)
+        os.set_blocking(stdout, False)
         self._selector = selectors.DefaultSelector()
-        self._selector.register(self._stdout, selectors.EVENT_READ)
+        self._selector.register(stdout, selectors.EVENT_READ)
         self._partial = b""
         self._ready = False
         self._pending: signal.Signals | None = None
@@ -49,7 +44,7 @@ class Runner:
 
     @property
     def pid(self) -> int:
-        """Process id."""
+        """Process id; there may be a wait for it before the ``ready`` event."""
         return self._process.pid
 
     @property
@@ -81,7 +76,7 @@ class Runner:
             self._ready = True
             if self._pending is not None:
                 self._process.send_signal(self._pending)
-        return [event for event in events if event["event"] != "ready"]
+        return events
 
     def tell(self, number: signal.Signals) -> None:
         """Send a signal, as soon as the runner hears it."""
@@ -109,36 +104,58 @@ class Runner:
 
 
 class Runners:
-    """Hands out runners; the supervisor says when the next spare is started."""
+    """Hands out runners, so that a job need not wait for Python and its imports.
 
-    def __init__(self, threads: int) -> None:
-        self._threads = threads
+    They are forked; where they cannot be, one is kept in reserve, and the supervisor says when the next is started.
+    """
+
+    def __init__(self, *, forked: bool | None = None) -> None:
+        self._forked = can_fork() if forked is None else forked
+        self._server: ForkServer | None = None
         self._spare: Runner | None = None
         self._lock = threading.Lock()
 
+    @property
+    def server_pid(self) -> int | None:
+        """Process id of the fork server, if there is one."""
+        return None if self._server is None else self._server.pid
+
     def prepare(self) -> None:
-        """Start a spare unless there is one."""
+        """Start the fork server, or a spare, unless there is one."""
         with self._lock:
-            if self._spare is None or not self._spare.alive:
-                self._discard()
-                self._spare = Runner(self._threads)
+            if self._forked:
+                self._living_server()
+            elif self._spare is None or not self._spare.alive:
+                self._discard_spare()
+                self._spare = Runner(spawn)
 
     def take(self) -> Runner:
-        """Return a runner that waits for its order."""
+        """Return a runner that waits for its order, or will when it has started."""
         with self._lock:
+            if self._forked:
+                return Runner(self._living_server().fork)
+            if self._spare is None or not self._spare.alive:
+                self._discard_spare()
+                return Runner(spawn)
             runner, self._spare = self._spare, None
-        if runner is not None and runner.alive:
             return runner
-        if runner is not None:
-            runner.wait()
-        return Runner(self._threads)
 
     def close(self) -> None:
-        """End the spare."""
+        """End the fork server, with all it forked, and the spare."""
         with self._lock:
-            self._discard()
+            if self._server is not None:
+                self._server.close()
+                self._server = None
+            self._discard_spare()
 
-    def _discard(self) -> None:
+    def _living_server(self) -> ForkServer:
+        if self._server is None or not self._server.alive:
+            if self._server is not None:
+                self._server.close()
+            self._server = ForkServer()
+        return self._server
+
+    def _discard_spare(self) -> None:
         if self._spare is not None:
             self._spare.kill()
             self._spare.wait()

@@ -33,7 +33,7 @@ FENCE_SHARE: Final = (
 )
 COMMIT_S: Final = 15.0  # how long the end of a job is offered to a server that does not answer
 _LEAST_S: Final = 3.0  # time for an attempt at a job whose limit is over, in which the runner tells so
-_SPARE_S: Final = 0.5  # a brief job is not to share its processor with the start of the next runner
+_SPARE_S: Final = 0.5  # a brief job is not to share its processor with the start of a spare
 _TICK_S: Final = 0.25
 T = TypeVar("T")
 log = logging.getLogger(__name__)
@@ -90,6 +90,8 @@ class Supervisor:
         attempt = _Attempt(self, job_id, claim, keep_delivery)
         try:
             attempt.go()
+        except StoreUnavailableError as e:
+            attempt.put_off(e)
         except Exception as e:
             log.exception("a fault of the supervisor", extra={"job_id": job_id, "action": "fault"})
             attempt.give_up(e)
@@ -127,18 +129,18 @@ class _Attempt:
             self._adopt(earlier)
             return
         runner = self._boss.runners.take()
-        self._say(logging.INFO, "start", f"attempt {self._token} in process {runner.pid}")
         try:
             runner.start(
                 Order(
                     job_id=self._job_id,
                     token=self._token,
-                    data_dir=str(self._settings.data_dir / "blobs"),
+                    data_dir=str(self._settings.data_dir),
                     memory_bytes=self._settings.runner_memory_bytes,
                     deadline_s=self._limit_s,
                     checkpoint_s=self._settings.checkpoint_s,
                     engine=None if self._settings.engine == "auto" else self._settings.engine,
                     threads=self._settings.threads,
+                    blobs=self._settings.blobs,
                 )
             )
             verdict = self._watch(runner)
@@ -150,6 +152,11 @@ class _Attempt:
             exit_code = self._end_of(runner)
         self._conclude(verdict, exit_code)
         self._boss.runners.prepare()
+
+    def put_off(self, error: StoreUnavailableError) -> None:
+        """Hand on because the files cannot be reached, which is neither a loss nor an end."""
+        self._say(logging.WARNING, "put-off", f"its files cannot be reached: {error}")
+        self._hand_on()
 
     def give_up(self, error: Exception) -> None:
         """End after a fault of this process: one of the machine counts as a loss, one of the program as the end."""
@@ -185,7 +192,9 @@ class _Attempt:
                 self._boss.runners.prepare()
 
     def _hear(self, event: dict[str, Any]) -> None:
-        if event["event"] in {"snapshot", "report"}:
+        if event["event"] == "ready":
+            self._say(logging.INFO, "start", f"attempt {self._token} in process {event['pid']}")
+        elif event["event"] in {"snapshot", "report"}:
             self._outbox.take_in(event)
             self._look_at = 0.0  # tell it at once
         else:

@@ -6,7 +6,6 @@ import json
 import os
 import signal
 import time
-from pathlib import Path
 
 from spherify.jobs import layout
 from spherify.jobs.cancel import cancel
@@ -26,6 +25,7 @@ from tests.worker.observation import (
     hashes,
     is_running,
     log_lines,
+    parent_of,
     runner_of,
     submitted,
     under_way,
@@ -172,7 +172,7 @@ def test_a_worker_that_sleeps_through_its_lease_is_fenced(stack: Stack, undistur
     job_id = submitted(stack, job_spec(**LONG))
     under_way(stack, job_id, 40)
     sleeper = runner_of(stack, job_id)
-    supervisor = int(Path(f"/proc/{sleeper}/stat").read_text().rpartition(")")[2].split()[1])
+    supervisor = parent_of(parent_of(sleeper))
     os.kill(supervisor, signal.SIGSTOP)
     try:
         stack.start_worker("other")

@@ -42,16 +42,16 @@ class Watched(Runners):
         return self.last
 
     def warm_up(self) -> None:
-        """Wait for the spare, so that a time limit is not spent on its imports."""
-        self.prepare()
-        spare = self._spare
-        assert spare is not None
-        wait_for(lambda: spare.events(0.1) or spare._ready)
+        """Wait for the fork server, so that a time limit is not spent on its imports."""
+        first = super().take()
+        wait_for(lambda: first.events(0.1))
+        first.kill()
+        assert first.wait(5) == -signal.SIGKILL
 
 
 @pytest.fixture
 def runners() -> Iterator[Watched]:
-    runners = Watched(1)
+    runners = Watched()
     yield runners
     runners.close()
 
@@ -250,7 +250,7 @@ def test_a_fault_of_the_supervisor_itself_does_not_wait_for_the_lease(
 
     job_id = endless(stores)
     with pytest.raises(fault):
-        Supervisor(stores.jobs, stores.blobs, stores.queue, settings, Faulty(1)).run(job_id, "w")
+        Supervisor(stores.jobs, stores.blobs, stores.queue, settings, Faulty()).run(job_id, "w")
     job = stores.jobs.get(job_id)
     assert (job.status, job.losses) == (status, losses)
     assert (job.error is not None and job.error.code == "internal-error") == (status is JobStatus.FAILED)
@@ -259,7 +259,7 @@ def test_a_fault_of_the_supervisor_itself_does_not_wait_for_the_lease(
 def test_a_runner_that_ends_by_itself_without_a_word_is_a_fault_of_ours(
     stores: Stores, settings: Settings
 ) -> None:
-    runners = Mute(1)
+    runners = Mute()
     job = supervise(stores, settings, runners, endless(stores))
     runners.close()
     assert (job.status, job.losses) == (JobStatus.FAILED, 0)

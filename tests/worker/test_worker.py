@@ -113,7 +113,7 @@ def test_the_health_check_knows_a_worker_that_works(stack: Stack, tmp_path: Path
 def test_memory_that_runs_out_is_named(tmp_path: Path) -> None:
     limits = {"SPHERIFY_RUNNER_MEMORY_BYTES": str(1 << 20), "SPHERIFY_LEASE_S": "5"}
     with started_stack(tmp_path, workers=1, api=False, environment=limits) as small:
-        store_mesh(small.stores.meshes, small.stores.blobs, stone())
+        store_mesh(small.stores.meshes, small.stores.blobs, stone(40_000))  # more than lies about unused
         job = finished(small, submitted(small, job_spec()))
         assert job.error is not None
         assert job.error.code == "out-of-memory"
