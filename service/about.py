@@ -211,6 +211,7 @@ def _files(services: Services) -> None:
     check_space(folder, 0, services.settings.min_free_bytes)
     if not os.access(folder, os.W_OK | os.X_OK):
         raise PermissionError("the data folder cannot be written to")
+    services.stores.blobs.ping()
 
 
 def _formats(names: tuple[str, ...]) -> list[FormatOut]:

@@ -31,6 +31,12 @@ class Settings(BaseSettings):
         default=Path("data"),
         description="Folder for meshes, snapshots and results; all processes must see the same one.",
     )
+    blobs: str = Field(
+        default="folder",
+        pattern=r"^(folder|s3://[a-z0-9][a-z0-9.-]{1,61}[a-z0-9](/[A-Za-z0-9_-][A-Za-z0-9._-]*)*/?)$",
+        description="Where files are kept: `folder`, in the data folder, or `s3://bucket/prefix`; then each host may "
+        "have a data folder of its own.",
+    )
     max_upload_bytes: int = Field(
         default=256 * MIB, gt=0, description="Largest accepted request body; above it the answer is 413."
     )

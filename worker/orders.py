@@ -26,7 +26,7 @@ class Order:
 
     Attributes:
         token: fencing token of the attempt, part of the names of its files.
-        data_dir: folder of the service's data.
+        data_dir: folder of the blob store.
         memory_bytes: limit of the runner's address space.
         deadline_s: seconds of computing.
         checkpoint_s: seconds between checkpoints.

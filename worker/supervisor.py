@@ -134,7 +134,7 @@ class _Attempt:
                 Order(
                     job_id=self._job_id,
                     token=self._token,
-                    data_dir=str(self._settings.data_dir),
+                    data_dir=str(self._settings.data_dir / "blobs"),
                     memory_bytes=self._settings.runner_memory_bytes,
                     deadline_s=self._limit_s,
                     checkpoint_s=self._settings.checkpoint_s,

@@ -32,6 +32,9 @@ def submit(jobs: JobStore, blobs: BlobStore, queue: JobQueue, spec: JobSpec) -> 
         if not jobs.complete():  # the record may be among those that are coming back
             raise StoreUnavailableError("the job records are being rebuilt from the files") from None
         blobs.delete(layout.withdrawn(spec.id))
+    except StoreUnavailableError:  # it may be written all the same
+        _withdraw(blobs, spec.id)
+        raise
     try:
         job = jobs.add(spec)
     except StoreUnavailableError:
@@ -53,5 +56,5 @@ def _withdraw(blobs: BlobStore, job_id: str) -> None:
     """Leave word that a client was told of no job."""
     try:
         blobs.create(layout.withdrawn(job_id), b"")
-    except (BlobExistsError, StorageFullError) as e:
+    except (BlobExistsError, StorageFullError, StoreUnavailableError) as e:
         log.warning("not withdrawn: %s", e, extra={"job_id": job_id, "action": "submit"})

@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import redis
 
+from spherify.jobs.ports import BlobStore
 from spherify.jobs.rebuild import Stock
 from spherify.settings import Settings
-from spherify.stores.blobs import FolderBlobStore
 from spherify.stores.client import connect
+from spherify.stores.files import open_blobs
 from spherify.stores.queue import CeleryJobQueue
 from spherify.stores.redis_jobs import RedisJobStore
 from spherify.stores.redis_meshes import RedisMeshStore
@@ -22,7 +23,7 @@ class Stores:
 
     jobs: RedisJobStore
     meshes: RedisMeshStore
-    blobs: FolderBlobStore
+    blobs: BlobStore
     queue: CeleryJobQueue
     repeats: RedisRepeatStore
     client: redis.Redis
@@ -50,7 +51,7 @@ def open_stores(settings: Settings, *, timeout_s: float = 0.5) -> Stores:
     return Stores(
         jobs=RedisJobStore(client, lease_s=settings.lease_s, max_losses=settings.max_losses),
         meshes=RedisMeshStore(client),
-        blobs=FolderBlobStore(settings.data_dir / "blobs"),
+        blobs=open_blobs(settings.blobs, settings.data_dir / "blobs"),
         queue=CeleryJobQueue(settings.redis_url, timeout_s=timeout_s),
         repeats=RedisRepeatStore(client),
         client=client,

@@ -11,12 +11,12 @@ from spherify.stores.blobs import FolderBlobStore
 PATIENCE_S: Final = 10.0
 
 
-def open_blobs(where: str, data_dir: Path, *, patience_s: float = PATIENCE_S) -> BlobStore:
+def open_blobs(where: str, folder: Path, *, patience_s: float = PATIENCE_S) -> BlobStore:
     """Return the store of the files; nothing is sent before its first use.
 
     Args:
         where: `Settings.blobs`: ``folder``, or ``s3://bucket/prefix``.
-        data_dir: holds the folder, and unfinished files in any case.
+        folder: for the files, and for unfinished ones in any case.
         patience_s: how long a call is repeated while a server does not answer.
 
     Raises:
@@ -24,9 +24,9 @@ def open_blobs(where: str, data_dir: Path, *, patience_s: float = PATIENCE_S) ->
 
     """
     if where == "folder":
-        return FolderBlobStore(data_dir / "blobs")
+        return FolderBlobStore(folder)
     try:
         from spherify.stores.s3_blobs import S3BlobStore  # noqa: PLC0415 (an extra: most have a folder)
     except ModuleNotFoundError as e:
         raise ModuleNotFoundError(f"{where} needs the client for S3: pip install 'spherify[s3]'") from e
-    return S3BlobStore(where, data_dir / "scratch", patience_s=patience_s)
+    return S3BlobStore(where, folder / ".scratch", patience_s=patience_s)
