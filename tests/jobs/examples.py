@@ -10,8 +10,9 @@ from spherify.geometry.schedule import SnapshotPlan
 from spherify.jobs import layout
 from spherify.jobs.codec import dump_record
 from spherify.jobs.ids import job_id_at, new_job_id
-from spherify.jobs.model import JobSpec, MeshRecord
+from spherify.jobs.model import JobError, JobSpec, JobStatus, MeshRecord, Outcome, Progress, Snapshot
 from spherify.jobs.ports import BlobStore, MeshStore
+from spherify.jobs.results import Result
 from spherify.parameters import resolve
 from spherify.stores.arrays import dump_arrays
 
@@ -75,4 +76,15 @@ def mesh_record(mesh_id: str = MESH_ID, *, created_at: float = 1.0) -> MeshRecor
         allow=(),
         report={"vertices": 3},
         created_at=created_at,
+    )
+
+
+def result_of(job_id: str, token: int) -> Result:
+    return Result(
+        job_id,
+        token,
+        Outcome(JobStatus.FAILED, "collapsed", "it broke", 1, 1, JobError("collapsed", "it broke; try ü")),
+        Progress(2, 3, 1.0, 1.0, 2.0),
+        (Snapshot(0, "k", "s", 1, {"sphericity": 0.5}, 1.0), Snapshot(1, "l", "t", 2, {}, 2.0)),
+        ({"iteration": 0, "sphericity": 0.5}, {"iteration": 1, "sphericity": 0.1 + 0.2}),
     )

@@ -1,0 +1,191 @@
+"""Bringing files to their last state after every end: by the reconciler, bounded, one job not hindering another."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+import pytest
+
+from spherify.jobs import layout, reconcile
+from spherify.jobs.cancel import cancel
+from spherify.jobs.delete import delete_job
+from spherify.jobs.errors import (
+    JobNotFoundError,
+    StorageFullError,
+)
+from spherify.jobs.ids import new_job_id
+from spherify.jobs.model import Progress, Snapshot
+from spherify.jobs.ports import BlobStat, CancelOutcome
+from spherify.jobs.reconcile import Reconciler
+from spherify.jobs.results import read_result, write_result
+from spherify.jobs.settle import settle
+from spherify.jobs.submit import submit
+from spherify.stores.memory_blobs import MemoryBlobStore
+from tests.jobs.examples import job_spec, result_of
+from tests.jobs.world import World
+
+
+def settled(world: World) -> tuple[str, ...]:
+    return Reconciler(world.stock, orphan_s=15).scan().settled
+
+
+def checkpoint(world: World, job_id: str) -> None:
+    world.blobs.create(layout.numbered(layout.checkpoints(job_id), 1, 5), b"")
+
+
+@pytest.mark.parametrize("end", ["poison", "cancelled and lost", "cancelled and released"])
+def test_a_job_the_record_ended_gets_its_result_from_the_reconciler(world: World, end: str) -> None:
+    spec = job_spec()
+    submit(world.jobs, world.blobs, world.queue, spec)
+    token = world.jobs.claim(spec.id, "w").token
+    world.jobs.add_snapshot(spec.id, token, Snapshot(0, "k", "s", 1, {"sphericity": 0.5}, 1.0))
+    world.jobs.report(spec.id, token, Progress(2, 3), [{"iteration": 0, "sphericity": 0.5}])
+    checkpoint(world, spec.id)
+    if end == "poison":
+        world.jobs.lose(spec.id, token)
+        world.jobs.lose(spec.id, world.jobs.claim(spec.id, "w").token)
+    else:
+        world.jobs.request_cancel(spec.id)
+        (world.jobs.lose if end == "cancelled and lost" else world.jobs.release)(spec.id, token)
+    assert settled(world) == (spec.id,)
+    job = world.jobs.get(spec.id)
+    assert job.status.done
+    result = read_result(world.blobs, spec.id)
+    assert result is not None
+    assert (result.outcome.status, result.outcome.error) == (job.status, job.error)
+    assert (result.snapshots, result.progress) == (job.snapshots, job.progress)
+    assert list(result.rows) == world.jobs.metrics(spec.id) != []
+    assert list(world.blobs.list(layout.checkpoints(spec.id))) == []
+    assert settled(world) == ()
+
+
+def test_a_worker_that_died_after_its_commit_leaves_no_checkpoints(world: World) -> None:
+    spec = job_spec()
+    submit(world.jobs, world.blobs, world.queue, spec)
+    token = world.jobs.claim(spec.id, "dies").token
+    checkpoint(world, spec.id)
+    result = write_result(world.blobs, result_of(spec.id, token))
+    world.jobs.commit(spec.id, token, result.outcome)
+    assert settled(world) == (spec.id,)
+    assert list(world.blobs.list(layout.checkpoints(spec.id))) == []
+    assert read_result(world.blobs, spec.id) == result
+
+
+def test_files_of_a_job_whose_deletion_was_broken_off_are_removed(world: World) -> None:
+    spec = job_spec()
+    submit(world.jobs, world.blobs, world.queue, spec)
+    cancel(world.jobs, world.blobs, spec.id)
+    world.jobs.delete(spec.id)  # and then the process died
+    assert list(world.blobs.list(layout.job_folder(spec.id))) != []
+    assert settled(world) == (spec.id,)
+    assert list(world.blobs.list(layout.job_folder(spec.id))) == []
+
+
+def test_a_job_deleted_while_it_is_settled_leaves_no_files(world: World) -> None:
+    spec = job_spec()
+    submit(world.jobs, world.blobs, world.queue, spec)
+    world.jobs.request_cancel(spec.id)
+
+    class Slow(MemoryBlobStore):
+        """Somebody deletes the job just before its result is written."""
+
+        def create(self, key: str, chunks: bytes | Iterable[bytes]) -> BlobStat:
+            delete_job(world.jobs, world.blobs, spec.id)
+            return world.blobs.create(key, chunks)
+
+        def list(self, prefix: str) -> Iterator[BlobStat]:
+            return world.blobs.list(prefix)
+
+        def delete(self, key: str) -> bool:
+            return world.blobs.delete(key)
+
+    settle(world.jobs, Slow(world.blobs.scratch()), spec.id)
+    assert list(world.blobs.list(layout.job_folder(spec.id))) == []
+    assert world.jobs.unsettled() == []
+
+
+def test_a_full_disk_puts_the_result_off(world: World) -> None:
+    class Full(MemoryBlobStore):
+        full = False
+
+        def create(self, key: str, chunks: bytes | Iterable[bytes]) -> BlobStat:
+            if self.full:
+                raise StorageFullError
+            return super().create(key, chunks)
+
+    world.blobs = blobs = Full(world.blobs.scratch())
+    spec = job_spec()
+    submit(world.jobs, blobs, world.queue, spec)
+    blobs.full = True
+    assert cancel(world.jobs, blobs, spec.id) is CancelOutcome.CANCELLED
+    assert settled(world) == ()
+    blobs.full = False
+    assert settled(world) == (spec.id,)
+    assert read_result(blobs, spec.id) is not None
+
+
+def test_files_that_cannot_be_removed_do_not_keep_others_from_being_settled(world: World) -> None:
+    class Stuck(MemoryBlobStore):
+        def list(self, prefix: str) -> Iterator[BlobStat]:
+            if prefix == layout.checkpoints(specs[0].id):
+                raise PermissionError(13, "not yours")
+            return super().list(prefix)
+
+    specs = [job_spec(), job_spec()]
+    world.blobs = Stuck(world.blobs.scratch())
+    for spec in specs:
+        submit(world.jobs, world.blobs, world.queue, spec)
+        world.jobs.request_cancel(spec.id)
+    assert settled(world) == (specs[1].id,)
+    assert world.jobs.unsettled() == [specs[0].id]
+
+
+def test_what_is_wrong_with_one_job_or_one_part_of_a_scan_is_not_in_the_way_of_the_others(
+    world: World,
+) -> None:
+    class Broken(MemoryBlobStore):
+        def list(self, prefix: str) -> Iterator[BlobStat]:
+            if prefix == layout.checkpoints(ended[0].id):
+                raise ZeroDivisionError  # whatever it is
+            return super().list(prefix)
+
+        def scratch(self) -> Path:
+            raise ZeroDivisionError
+
+    ended, lost = [job_spec(), job_spec()], job_spec()
+    world.blobs = Broken(world.blobs.scratch())
+    for spec in (*ended, lost):
+        submit(world.jobs, world.blobs, world.queue, spec)
+    for spec in ended:
+        world.jobs.request_cancel(spec.id)
+    world.jobs.claim(lost.id, "w")
+    world.now[0] += 31
+    scan = Reconciler(world.stock, orphan_s=15).scan()
+    assert (scan.lost, scan.settled, scan.swept) == ((lost.id,), (ended[1].id,), ())
+
+
+def test_a_scan_settles_some_and_the_next_ones_the_rest(
+    world: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(reconcile, "_SETTLED", 2)
+    specs = [job_spec() for _ in range(5)]
+    for spec in specs:
+        submit(world.jobs, world.blobs, world.queue, spec)
+        world.jobs.request_cancel(spec.id)
+    reconciler = Reconciler(world.stock, orphan_s=15)
+    ids = sorted(spec.id for spec in specs)
+    assert [reconciler.scan().settled for _ in range(3)] == [tuple(ids[:2]), tuple(ids[2:4]), tuple(ids[4:])]
+
+
+def test_settling_touches_nothing_that_goes_on_or_is_unknown(world: World) -> None:
+    spec = job_spec()
+    submit(world.jobs, world.blobs, world.queue, spec)
+    before = list(world.blobs.list(""))
+    settle(world.jobs, world.blobs, spec.id)
+    assert list(world.blobs.list("")) == before
+    unknown = new_job_id()[0]
+    world.blobs.create(layout.spec(unknown), b"")
+    with pytest.raises(JobNotFoundError):
+        settle(world.jobs, world.blobs, unknown)
+    assert world.blobs.stat(layout.spec(unknown)) is not None

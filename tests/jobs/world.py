@@ -1,0 +1,23 @@
+"""What the use cases work on: the twins in memory, and a clock that the test turns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from spherify.jobs.rebuild import Stock
+from spherify.stores.memory import MemoryJobStore
+from spherify.stores.memory_blobs import MemoryBlobStore
+from spherify.stores.memory_meshes import MemoryJobQueue, MemoryMeshStore
+
+
+@dataclass
+class World:
+    jobs: MemoryJobStore
+    meshes: MemoryMeshStore
+    blobs: MemoryBlobStore
+    queue: MemoryJobQueue
+    now: list[float]
+
+    @property
+    def stock(self) -> Stock:
+        return Stock(self.jobs, self.meshes, self.blobs, self.queue)
