@@ -60,6 +60,32 @@ def test_jobs_are_done_with_all_files_in_a_bucket(
         ledger.http.close()
 
 
+def test_a_job_waits_for_files_that_cannot_be_reached(
+    tmp_path: Path, specimens: list[Specimen], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with S3Server(tmp_path / "s3") as server:
+        for name, value in server.environment.items():
+            monkeypatch.setenv(name, value)
+        environment = {**QUICK, "SPHERIFY_LEASE_S": "30", "SPHERIFY_BLOBS": f"s3://{BUCKET}/waits"}
+        with started_stack(tmp_path / "stack", workers=0, environment=environment) as stack:
+            ledger, logs = Ledger(stack.url), Logs(tmp_path / "stack")
+            job = ledger.submit(specimens[0], "early")
+            assert job is not None
+            server.stop()
+            stack.start_worker("patient")
+            ready = ledger.http.get("/readyz")
+            assert ready.status_code == httpx.codes.SERVICE_UNAVAILABLE
+            assert ledger.submit(specimens[1], "late") is None  # 503, and when to come back
+            wait_for(lambda: logs.count("put-off"), limit_s=60)
+            assert stack.stores.jobs.get(job).status in {"accepted", "running"}
+            server.start()
+            wait_for(lambda: ledger.submit(specimens[1], "late"), limit_s=30)
+            wait_for(lambda: all(stack.stores.jobs.get(i).status.done for i in ledger.acknowledged))
+            assert judge(ledger, logs) == Verdict()
+            assert [stack.stores.jobs.get(i).losses for i in ledger.acknowledged] == [0, 0]
+            ledger.http.close()
+
+
 @pytest.mark.drill
 @pytest.mark.timeout(3600)
 def test_a_store_that_fails_now_and_then_and_dies(
