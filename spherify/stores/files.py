@@ -8,7 +8,7 @@ from typing import Final
 from spherify.jobs.ports import BlobStore
 from spherify.stores.blobs import FolderBlobStore
 
-PATIENCE_S: Final = 10.0
+PATIENCE_S: Final = 12.0  # three answers that never come
 
 
 def open_blobs(where: str, folder: Path, *, patience_s: float = PATIENCE_S) -> BlobStore:

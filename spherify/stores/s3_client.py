@@ -26,8 +26,8 @@ from obstore.store import S3Store
 
 from spherify.jobs.errors import BlobNotFoundError, DamagedBlobError, StorageFullError, StoreUnavailableError
 
-REQUEST_S: Final = 10.0  # one request of at most `WINDOW` bytes
-WINDOW: Final = 4 * 1024 * 1024
+REQUEST_S: Final = 4.0  # one request of at most `WINDOW` bytes
+WINDOW: Final = 2 * 1024 * 1024
 _CONNECT_S: Final = 1.0
 _PING_S: Final = 1.0
 _PAUSE_S: Final = 0.25

@@ -109,9 +109,9 @@ def test_a_store_that_fails_now_and_then_and_dies(
             monkeypatch.setattr(one.injectors, "_kill_store", kill_server, raising=False)
             proxy.plan = now_and_then(20, 0.1)
             faults = {"kill_store": 5, "kill_worker": 3, "kill_runner": 3}
-            verdict = one.run(specimens, JOBS, faults, limit_s=3000)
+            one.run(specimens, JOBS, faults, limit_s=3000)
             proxy.plan = lambda _method, _path: None
-            assert verdict == Verdict()
+            assert judge(one.ledger, one.logs) == Verdict()  # in peace: 503 is an answer, too, while it fails
             blobs = one.stack.stores.blobs
             results = [stat.key for stat in blobs.list("jobs") if stat.key.endswith("/result.json")]
             assert len(results) == JOBS
