@@ -11,6 +11,7 @@ from starlette.requests import Request
 
 from service.cache import FileCache
 from service.intake import Intake
+from service.job_answers import JobDocuments
 from service.watch import Watch
 from spherify.jobs.ports import BlobStore, JobQueue, JobStore, MeshStore
 from spherify.jobs.repeats import RepeatStore
@@ -56,6 +57,7 @@ class Services:
     intake: Intake
     cache: FileCache
     watch: Watch
+    documents: JobDocuments = field(default_factory=JobDocuments)
     conversions: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(CONVERSIONS))
     views: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(VIEWS))
 

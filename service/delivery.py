@@ -81,20 +81,28 @@ def not_modified(etag: str, cache_control: str, vary: str | None = None) -> Resp
 
 def json_answer(
     request: Request,
-    answer: BaseModel,
+    answer: BaseModel | Callable[[], bytes],
     *,
     status: HTTPStatus = HTTPStatus.OK,
     etag: str | None = None,
     cache_control: str = REVALIDATE,
     headers: dict[str, str] | None = None,
 ) -> Response:
-    """Return a model as JSON; 304 when it is a GET and the client has it."""
-    data = answer.model_dump_json(by_alias=True).encode()
-    tag = etag or f'W/"{hashlib.sha256(data).hexdigest()[:24]}"'
+    """Return a model, or what makes its text, as JSON; 304 when it is a GET and the client has it.
+
+    With an ``etag`` nothing is made for a client that has it.
+    """
+    data = None if etag else json_text(answer)
+    tag = etag or f'W/"{hashlib.sha256(data or b"").hexdigest()[:24]}"'
     common = {"ETag": tag, "Cache-Control": cache_control, **(headers or {})}
     if request.method == "GET" and matches(request, tag):
         return Response(status_code=HTTPStatus.NOT_MODIFIED, headers=common)
-    return Response(data, status, common, "application/json")
+    return Response(data or json_text(answer), status, common, "application/json")
+
+
+def json_text(answer: BaseModel | Callable[[], bytes]) -> bytes:
+    """Return a model's JSON."""
+    return answer.model_dump_json(by_alias=True).encode() if isinstance(answer, BaseModel) else answer()
 
 
 def deliver(request: Request, content: Content, vary: str | None = None) -> Response:

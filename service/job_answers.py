@@ -2,15 +2,66 @@
 
 from __future__ import annotations
 
+from collections import OrderedDict
+from collections.abc import Callable
+from functools import partial
 from http import HTTPStatus
+from typing import Final
 
 from starlette.requests import Request
 from starlette.responses import Response
 
-from service.delivery import json_answer
+from service.delivery import json_answer, json_text
 from service.schemas import job_out
 from service.snapshots import retry_after_s
 from spherify.jobs.model import Job
+
+MOST_BYTES: Final = 32 * 1024 * 1024  # of documents, and of the jobs they are of
+_SNAPSHOT_BYTES: Final = 2048  # one takes in memory, about
+
+
+class JobDocuments:
+    """The jobs that were asked for last and their documents, which are made again only when the job is another.
+
+    A poll of what has not changed then costs one question to the store, and no reading and writing of JSON.
+    Belongs to one thread.
+
+    Args:
+        most_bytes: of memory, about.
+
+    """
+
+    def __init__(self, most_bytes: int = MOST_BYTES) -> None:
+        self._most_bytes = most_bytes
+        self._bytes = 0
+        self._documents: OrderedDict[str, tuple[Job, bytes]] = OrderedDict()  # used last, thrown away last
+
+    def job(self, job_id: str) -> Job | None:
+        """Return a job as it was when it was last asked for."""
+        found = self._documents.get(job_id)
+        return None if found is None else found[0]
+
+    def document(self, job: Job) -> bytes:
+        """Return the JSON of a job."""
+        found = self._documents.get(job.id)
+        if found is not None and found[0] is job:
+            self._documents.move_to_end(job.id)
+            return found[1]
+        text = json_text(job_out(job))
+        if found is not None:
+            self._forget(job.id)
+        self._documents[job.id] = job, text
+        self._bytes += _size(job, text)
+        while self._bytes > self._most_bytes:
+            self._forget(next(iter(self._documents)))
+        return text
+
+    def _forget(self, job_id: str) -> None:
+        self._bytes -= _size(*self._documents.pop(job_id))
+
+
+def _size(job: Job, text: bytes) -> int:
+    return len(text) + _SNAPSHOT_BYTES * (1 + len(job.snapshots))
 
 
 def job_etag(job: Job) -> str:
@@ -20,12 +71,21 @@ def job_etag(job: Job) -> str:
 
 
 def job_answer(
-    request: Request, job: Job, status: HTTPStatus = HTTPStatus.OK, headers: dict[str, str] | None = None
+    request: Request,
+    job: Job,
+    status: HTTPStatus = HTTPStatus.OK,
+    headers: dict[str, str] | None = None,
+    *,
+    document: Callable[[Job], bytes] = lambda job: json_text(job_out(job)),
 ) -> Response:
     """Return a job, with where it is if it is new, and when to ask again while it is not done."""
     told = {} if job.status.done else {"Retry-After": str(retry_after_s(job))}
     if status == HTTPStatus.CREATED:
         told["Location"] = f"/v1/jobs/{job.id}"
     return json_answer(
-        request, job_out(job), status=status, etag=job_etag(job), headers=told | (headers or {})
+        request,
+        partial(document, job),
+        status=status,
+        etag=job_etag(job),
+        headers=told | (headers or {}),
     )

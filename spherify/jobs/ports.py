@@ -141,8 +141,16 @@ class JobStore(Protocol):
         """Record and queue a new job, in one transaction; again changes nothing. Raises `MeshNotFoundError`."""
         ...
 
-    def get(self, job_id: str) -> Job:
-        """Return one job; raises `JobNotFoundError`, or `JobGoneError` after a delete."""
+    def get(self, job_id: str, known: Job | None = None) -> Job:
+        """Return one job, ``known`` itself if that is this job and nothing about it has changed.
+
+        Its lease may have been renewed even so: that is no new revision.
+
+        Raises:
+            JobNotFoundError: there is none.
+            JobGoneError: it was deleted.
+
+        """
         ...
 
     def revisions(self, job_ids: Sequence[str]) -> list[Revision | None]:

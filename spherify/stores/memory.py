@@ -68,7 +68,7 @@ class MemoryJobStore:
                 self._entries[spec.id] = _Entry(Job(spec), self._clock())
             return self.get(spec.id)
 
-    def get(self, job_id: str) -> Job:
+    def get(self, job_id: str, known: Job | None = None) -> Job:
         """Return one job; raises `JobNotFoundError`, or `JobGoneError` after a delete."""
         with self._lock:
             entry = self._entries.get(job_id)
@@ -79,9 +79,10 @@ class MemoryJobStore:
                     if gone
                     else JobNotFoundError(f"there is no job {job_id}")
                 )
-            if entry.job.status is not JobStatus.ACCEPTED:
-                return entry.job
-            return replace(entry.job, queue_position=self.waiting(0).index(job_id))
+            job = entry.job
+            if job.status is JobStatus.ACCEPTED:
+                job = replace(job, queue_position=self.waiting(0).index(job_id))
+            return known if known == job else job
 
     def revisions(self, job_ids: Sequence[str]) -> list[Revision | None]:
         """Return where each of these jobs is, None where there is none."""

@@ -6,6 +6,7 @@ import json
 import logging
 import uuid
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Final
 
 import redis
@@ -50,9 +51,17 @@ class RedisJobStore:
             raise MeshNotFoundError(f"there is no mesh {spec.mesh_id}")
         return self.get(spec.id)
 
-    def get(self, job_id: str) -> Job:
-        """Return one job; raises `JobNotFoundError`, or `JobGoneError` after a delete."""
-        job = next(self._read([job_id]))
+    def get(self, job_id: str, known: Job | None = None) -> Job:
+        """Return one job, ``known`` itself if it is still the same.
+
+        One round trip; what is known already is neither sent nor read again.
+
+        Raises:
+            JobNotFoundError: there is none.
+            JobGoneError: it was deleted.
+
+        """
+        job = self._read(job_id, known)
         if job is not None:
             return job
         with reachable():
@@ -272,22 +281,30 @@ class RedisJobStore:
         while True:
             with reachable():
                 ids: list[str] = self._client.zrevrangebylex(index, before, since, 0, _CHUNK)  # type: ignore[assignment] # client is not async
-            for job in self._read(ids):
+            for job_id in ids:
+                job = self._read(job_id)
                 if job is not None:
                     yield job
             if len(ids) < _CHUNK:
                 return
             before = f"({ids[-1]}"
 
-    def _read(self, ids: Sequence[str]) -> Iterator[Job | None]:
-        """Yield each of these jobs as it was at one moment, None where there is none."""
-        for job_id in ids:
-            with reachable(), self._client.pipeline(transaction=True) as pipe:
-                pipe.hgetall(keys.job(job_id))
-                pipe.hvals(keys.snapshots(job_id))
-                pipe.zrank(keys.QUEUED, job_id)
-                record, snapshots, position = pipe.execute()
-            yield job_of(record, snapshots, position) if record else None
+    def _read(self, job_id: str, known: Job | None = None) -> Job | None:
+        """Return a job as it is at one moment, None if there is none."""
+        found = self._scripts(
+            "read",
+            [keys.job(job_id), keys.QUEUED, keys.snapshots(job_id)],
+            [job_id, "" if known is None else known.rev],
+            common=False,
+        )
+        if found is None:
+            return None
+        _, position, *rest = found
+        if rest:
+            fields, snapshots = rest
+            return job_of(dict(zip(fields[::2], fields[1::2], strict=True)), snapshots, position)
+        assert known is not None  # noqa: S101 (or its revision could not be the same)
+        return known if known.queue_position == position else replace(known, queue_position=position)
 
 
 def _count(limit: int | None) -> int:

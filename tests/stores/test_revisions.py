@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import pytest
+
+from spherify.jobs.errors import JobGoneError
 from spherify.jobs.ids import new_job_id
 from spherify.jobs.model import JobStatus, Outcome, Progress
 from spherify.jobs.ports import JobStore, Revision
@@ -34,3 +37,22 @@ def test_every_change_is_another_revision_and_the_queue_moves_without_one(jobs: 
 def test_many_at_once(jobs: JobStore) -> None:
     ids = [jobs.add(job_spec()).id for _ in range(300)]
     assert jobs.revisions(ids) == [Revision(1, place) for place in range(300)]
+
+
+def test_what_is_known_and_unchanged_is_not_read_again(jobs: JobStore) -> None:
+    first, second = jobs.add(job_spec()).id, jobs.add(job_spec()).id
+    known = jobs.get(second)
+    assert jobs.get(second, known) is known
+    token = jobs.claim(first, "w").token
+    moved = jobs.get(second, known)
+    assert (moved.rev, moved.queue_position) == (known.rev, 0)
+    assert moved == jobs.get(second)
+    known = jobs.get(first)
+    assert jobs.get(first, known) is known
+    assert jobs.report(first, token, Progress(1, 3))
+    changed = jobs.get(first, known)
+    assert changed == jobs.get(first) != known
+    assert jobs.commit(first, token, Outcome(JobStatus.SUCCESSFUL))
+    jobs.delete(first)
+    with pytest.raises(JobGoneError):
+        jobs.get(first, changed)
