@@ -12,7 +12,8 @@ from spherify.stores import keys
 from spherify.stores.client import Scripts, reachable
 
 KEPT_S: Final = 24 * 3600
-BUSY_S: Final = 10.0  # then whoever took it up is dead, or slow: doing it twice under one identity is harmless
+BUSY_S: Final = 10.0
+"""After which whoever took a key up is dead, or slow: doing it twice under one identity is harmless."""
 
 
 class RedisRepeatStore:
