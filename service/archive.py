@@ -6,6 +6,7 @@ import csv
 import hashlib
 import io
 import json
+import stat
 import zipfile
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, BinaryIO, Final
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
 MEDIA_TYPE: Final = "application/zip"
 _TEXT: Final = frozenset({"obj", "off"})  # binary positions hardly shrink
+_READABLE: Final = stat.S_IRUSR | stat.S_IWUSR | stat.S_IRGRP | stat.S_IROTH
 _FIRST: Final = datetime(1980, 1, 1, tzinfo=UTC)  # before it a zip file has no times
 
 
@@ -44,7 +46,7 @@ def write_archive(
 
         def add(name: str, data: bytes, *, text: bool) -> str:
             entry = zipfile.ZipInfo(name, made.timetuple()[:6])
-            entry.external_attr = 0o644 << 16
+            entry.external_attr = _READABLE << 16
             entry.compress_type = zipfile.ZIP_DEFLATED if text else zipfile.ZIP_STORED
             archive.writestr(entry, data)
             return hashlib.sha256(data).hexdigest()

@@ -15,13 +15,14 @@ from tests.faults.polling import Clients
 from tests.service.conftest import OCTAHEDRON, problem, serve
 from tests.service.test_openapi import DOCUMENT
 
-NEEDS_NOTHING = {"/healthz", "/v1/info", "/v1/presets", "/v1/parameters"}
+NEEDS_NOTHING = {"/healthz", "/v1/info", "/v1/presets", "/v1/parameters", "/v1/samples"}
 NAMES = {
     "{job_id}": "job_" + "0" * 26,
     "{mesh_id}": "mesh_" + "0" * 26,
     "{which}": "0",
     "{format}": "ply",
     "{field}": "curvature",
+    "{sample}": "stone",
 }
 ROUTES = [
     (method, path)

@@ -64,7 +64,9 @@ def test_a_write_whose_answer_is_lost_is_not_refused_because_of_itself(
 
 
 def test_of_sixteen_writers_one_wins_whatever_answers_are_lost(shaky: S3BlobStore, chaos: HttpChaos) -> None:
-    chaos.plan = now_and_then(16, 0.3, (Fault.REFUSE, Fault.LOSE, Fault.RESET, Fault.CUT))
+    # Not CUT: this server takes a request cut off before its body for a whole one, and by then may put it in the
+    # place of another's.
+    chaos.plan = now_and_then(16, 0.3, (Fault.REFUSE, Fault.LOSE, Fault.RESET))
     for race in range(5):
         won: list[int] = []
         begin = threading.Barrier(16)

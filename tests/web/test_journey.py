@@ -119,7 +119,7 @@ def test_from_a_file_to_a_shared_link(
     # beside its beginning, with one camera
     page.get_by_role("button", name="With its beginning").click()
     expect(page.locator(".pane")).to_have_count(2)
-    expect(page.locator(".pane h2").first).to_have_text("cat")
+    expect(page.locator(".pane h2").first).to_have_text(job["name"])
     settled(page)
     wait_for(lambda: "compare=" in address(page), what="both in the address")
     before = address(page)
@@ -135,7 +135,7 @@ def test_from_a_file_to_a_shared_link(
 
     # and home again, where the run is listed
     page.get_by_role("link", name="Spherify").click()
-    expect(page.locator(".run", has_text="cat").first).to_be_visible()
+    expect(page.locator(".run", has_text=job["name"]).first).to_be_visible()
 
 
 def test_a_run_is_found_cancelled_and_deleted(page: Page, stack: Stack, api: Api, stone: bytes) -> None:
