@@ -47,10 +47,11 @@ def _version(node: str) -> tuple[int, int]:
 
 def _certificates() -> str:
     """Return the certificates pip has been told to trust, for a network that inspects its traffic; "" if none."""
+    told = os.environ.get("PIP_CERT")
+    if told:
+        return told
     asked = [sys.executable, "-m", "pip", "config", "get", "global.cert"]
-    return os.environ.get("PIP_CERT") or subprocess.run(  # noqa: S603
-        asked, capture_output=True, text=True, check=False
-    ).stdout.strip()
+    return subprocess.run(asked, capture_output=True, text=True, check=False).stdout.strip()  # noqa: S603
 
 
 def main(arguments: list[str]) -> int:
