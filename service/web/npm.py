@@ -50,8 +50,10 @@ def _certificates() -> str:
     told = os.environ.get("PIP_CERT")
     if told:
         return told
-    asked = [sys.executable, "-m", "pip", "config", "get", "global.cert"]
-    return subprocess.run(asked, capture_output=True, text=True, check=False).stdout.strip()  # noqa: S603
+    asked = [sys.executable, "-m", "pip", "config", "list"]
+    settings = subprocess.run(asked, capture_output=True, text=True, check=False).stdout  # noqa: S603
+    found = re.search(r"^global\.cert='(.+)'$", settings, re.MULTILINE)
+    return found[1] if found else ""
 
 
 def main(arguments: list[str]) -> int:
