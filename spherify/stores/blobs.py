@@ -171,7 +171,8 @@ def _make(folder: Path, root: Path) -> None:
     if folder == root or folder.is_dir():
         return
     _make(folder.parent, root)
-    folder.mkdir(exist_ok=True)
+    with suppress(FileExistsError):  # made by another; mkdir's exist_ok raises it when a third removes it again
+        folder.mkdir()
     _sync(folder.parent)
 
 
