@@ -171,7 +171,8 @@ def _make(folder: Path, root: Path) -> None:
     if folder == root or folder.is_dir():
         return
     _make(folder.parent, root)
-    with suppress(FileExistsError):  # made by another; mkdir's exist_ok raises it when a third removes it again
+    # Made by another: fine. Not exist_ok, which raises when a third removes it again in between.
+    with suppress(FileExistsError):
         folder.mkdir()
     _sync(folder.parent)
 
