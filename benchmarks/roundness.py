@@ -34,7 +34,6 @@ from spherify.geometry.mesh import TriangleMesh
 from spherify.geometry.presets import PRESETS
 from spherify.geometry.samples.implicit import Implicit, surface
 from spherify.geometry.samples.solids import icosphere
-from spherify.geometry.topology import Topology
 
 FLOWS: Final = ("robust", "paper", "conformal", LAPY)
 SHAPE_VERTICES: Final = 2_000
@@ -126,15 +125,9 @@ def read_folder(folder: Path) -> list[tuple[str, TriangleMesh]]:
         if path.suffix.lower().removeprefix(".") not in FORMATS_IN:
             continue
         try:
-            mesh = read_mesh(path, path.name).mesh
-        except FormatError as e:
+            found.append((path.stem, read_mesh(path, path.name).mesh))
+        except FormatError as e:  # open, in pieces, with handles, or no mesh
             print(f"left out: {path.name}: {e}")
-            continue
-        topology = Topology.of(len(mesh.vertices), mesh.faces)
-        if topology.closed and topology.n_components == 1 and topology.genus == 0:
-            found.append((path.stem, mesh))
-        else:
-            print(f"left out: {path.name}: not closed, in one piece and of genus 0")
     return sorted(found, key=lambda one: len(one[1].vertices))
 
 

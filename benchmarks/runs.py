@@ -15,7 +15,6 @@ from unittest.mock import patch
 import numpy as np
 from lapy import TriaMesh  # type: ignore[import-untyped] # LaPy has no types
 from lapy.diffgeo import tria_mean_curvature_flow  # type: ignore[import-untyped]
-from scipy.sparse import SparseEfficiencyWarning
 from scipy.sparse.linalg import MatrixRankWarning
 
 from spherify.geometry import measures
@@ -209,9 +208,6 @@ def _lapy(mesh: TriangleMesh, clock: Clock) -> tuple[Floats, int, str]:
         looker.look(surface)
 
     with warnings.catch_warnings(), patch.object(TriaMesh, "normalize_", look):
-        warnings.simplefilter(
-            "ignore", SparseEfficiencyWarning
-        )  # it hands over rows where columns are wanted
         warnings.simplefilter("ignore", MatrixRankWarning)  # told by what comes out, which is not finite
         clock.start()
         try:
