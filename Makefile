@@ -57,7 +57,7 @@ test: setup-dev ## set up, then every test, the web page's too
 drills: setup-dev ## faults at their full numbers, up to hours; ARGS="-k campaign" for one of them
 	$(BIN)/python -m pytest tests/faults -m drill -s $(ARGS)
 
-bench: setup-dev ## measure steps, files and the service against their rivals, as ratios in one run
+bench: setup-dev ## measure steps, roundness, files and the service against their rivals, as ratios in one run
 	$(BIN)/python -m benchmarks $(ARGS)
 
 openapi: setup ## write openapi/openapi.json from the code
