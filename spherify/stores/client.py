@@ -28,9 +28,9 @@ _PASSING: Final = (
     TryAgainError,
 )
 # The same, of which the client knows no class: no disk, no replica, a script that runs on.
+_PASSING_WORDS: Final = ("MISCONF", "NOREPLICAS", "BUSY")
 _BREAK_AFTER: Final = 3  # calls in a row that were not answered in time
 _BREAK_S: Final = 0.5  # then all fail at once for this long, and one more is tried
-_PASSING_WORDS: Final = ("MISCONF", "NOREPLICAS", "BUSY")
 
 
 def connect(url: str, *, timeout_s: float = 0.5) -> redis.Redis:

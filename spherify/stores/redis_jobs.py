@@ -291,6 +291,8 @@ class RedisJobStore:
 
     def _read(self, job_id: str, known: Job | None = None) -> Job | None:
         """Return a job as it is at one moment, None if there is none."""
+        if known is not None and known.id != job_id:
+            known = None
         found = self._scripts(
             "read",
             [keys.job(job_id), keys.QUEUED, keys.snapshots(job_id)],

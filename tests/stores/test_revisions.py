@@ -43,6 +43,7 @@ def test_what_is_known_and_unchanged_is_not_read_again(jobs: JobStore) -> None:
     first, second = jobs.add(job_spec()).id, jobs.add(job_spec()).id
     known = jobs.get(second)
     assert jobs.get(second, known) is known
+    assert jobs.get(first, known).id == first  # of the same revision
     token = jobs.claim(first, "w").token
     moved = jobs.get(second, known)
     assert (moved.rev, moved.queue_position) == (known.rev, 0)
