@@ -14,6 +14,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from service.job_answers import job_answer
+from service.repeats import REPLAYED
 from spherify.jobs.errors import JobGoneError, JobsError
 
 if TYPE_CHECKING:
@@ -79,4 +80,7 @@ async def after_waiting(request: Request, services: Services, answer: Response) 
         job = await awaited(services.watch, job, wait_s, lambda seen: seen.status.done)
     except JobsError:  # it was made, and that is what is answered
         return answer
-    return job_answer(request, job, HTTPStatus.CREATED, {"Preference-Applied": f"wait={wait_s}"})
+    headers = {"Preference-Applied": f"wait={wait_s}"}
+    if REPLAYED in answer.headers:
+        headers[REPLAYED] = answer.headers[REPLAYED]
+    return job_answer(request, job, HTTPStatus.CREATED, headers)

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from typing import Any
 
 import httpx
 
@@ -110,16 +111,21 @@ def test_a_submission_that_waits_for_the_end(client: httpx.Client, stores: Store
         Hand(stores, stores.jobs.find().items[0].id).claim().reach(0).reach(10).end()
 
     thread = later(run, lambda: bool(stores.jobs.find().items))
-    answer = client.post(
-        "/v1/jobs",
-        json={"mesh_id": known, "iterations": 10},
-        headers={"Prefer": "respond-async, wait=30", "Idempotency-Key": "k"},
-    )
+    asked: dict[str, Any] = {
+        "json": {"mesh_id": known, "iterations": 10},
+        "headers": {"Prefer": "respond-async, wait=30", "Idempotency-Key": "k"},
+    }
+    answer = client.post("/v1/jobs", **asked)
     thread.join()
     assert answer.status_code == 201
     assert answer.headers["preference-applied"] == "wait=30"
     assert answer.headers["location"] == answer.json()["links"]["self"]
     assert answer.json()["status"] == "successful"
+    assert "idempotent-replayed" not in answer.headers
+    again = client.post("/v1/jobs", **asked)
+    assert again.json() == answer.json()
+    assert again.headers["preference-applied"] == "wait=30"
+    assert again.headers["idempotent-replayed"] == "true"
     plain = client.post(
         "/v1/jobs", json={"mesh_id": known, "iterations": 10}, headers={"Prefer": "wait=soon"}
     )
