@@ -8,7 +8,6 @@ file or none. Everything here can be made again: the folder may be emptied at an
 from __future__ import annotations
 
 import asyncio
-import errno
 import hashlib
 import io
 import os
@@ -23,13 +22,14 @@ from typing import BinaryIO, Final, Self
 
 from anyio import CapacityLimiter, to_thread
 
+from spherify.stores.blobs import FULL
+
 MOST_FILES: Final = 20_000
 _DIGEST: Final = 32
 _BLOCK: Final = 4096  # what the smallest file takes
 _SHARE: Final = 16  # the folder is looked through each time it may have grown by this part of its bound
 _PART: Final = ".part"
 _ABANDONED_S: Final = 24 * 3600.0  # a file that has been in the making for longer than that is nobody's
-_FULL: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 
 Build = Callable[[BinaryIO], None]
 
@@ -123,7 +123,7 @@ class FileCache:
         try:
             return self._built(key, build, part)
         except OSError as e:
-            if e.errno not in _FULL:
+            if e.errno not in FULL:
                 raise
             part.unlink(missing_ok=True)
             self._throw_away(0)

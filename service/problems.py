@@ -6,7 +6,6 @@ The table is `service.problem_types`. A route raises `ProblemError`, or lets an 
 
 from __future__ import annotations
 
-import errno
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
@@ -30,6 +29,7 @@ from spherify.jobs.errors import (
     StorageFullError,
     StoreUnavailableError,
 )
+from spherify.stores.blobs import FULL
 
 MEDIA_TYPE: Final = "application/problem+json"
 MAX_ERRORS: Final = 100  # listed: a wrong request of a megabyte need not get an answer of ten
@@ -165,7 +165,7 @@ def problem_of(error: Exception) -> ProblemError | None:
         found = invalid("#/parameters", "contradiction", str(error))
     elif isinstance(error, InvalidCursorError):
         found = invalid("query/cursor", "cursor", str(error))
-    elif isinstance(error, OSError) and error.errno in {errno.ENOSPC, errno.EDQUOT}:
+    elif isinstance(error, OSError) and error.errno in FULL:
         found = ProblemError("storage-full", "the service's disk is full")
     else:
         for kind, slug in _DOMAIN:

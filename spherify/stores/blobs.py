@@ -21,7 +21,7 @@ from spherify.jobs.ports import BlobStat
 
 KEY: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._-]{0,127}(/[A-Za-z0-9_][A-Za-z0-9._-]{0,127}){0,7}")
 _SCRATCH: Final = ".scratch"  # no key begins with a dot
-_FULL: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+FULL: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})  # no space, as the system says it
 _RACES: Final = 50  # a delete may remove the folder between our mkdir and our link
 
 
@@ -137,8 +137,7 @@ class FolderBlobStore:
             raise StoreUnavailableError("the data folder cannot be written to")
 
     def _path(self, key: str) -> Path:
-        if not KEY.fullmatch(key):
-            raise ValueError(f"{key!r} is no blob key")
+        check_key(key)
         return self.root / key
 
     def _link(self, path: Path, target: Path, key: str) -> None:
@@ -155,13 +154,19 @@ class FolderBlobStore:
                 return
 
 
+def check_key(key: str) -> None:
+    """Raise `ValueError` unless this may be the name of a blob."""
+    if not KEY.fullmatch(key):
+        raise ValueError(f"{key!r} is no blob key")
+
+
 @contextmanager
 def naming_full(key: str) -> Iterator[None]:
     """Turn what the system raises when there is no space into `StorageFullError`."""
     try:
         yield
     except OSError as e:
-        if e.errno in _FULL:
+        if e.errno in FULL:
             raise StorageFullError(f"there is no space left to store {key}") from e
         raise
 

@@ -11,7 +11,7 @@ from typing import BinaryIO
 
 from spherify.jobs.errors import BlobExistsError, BlobNotFoundError
 from spherify.jobs.ports import BlobStat
-from spherify.stores.blobs import KEY
+from spherify.stores.blobs import check_key
 
 
 class MemoryBlobStore:
@@ -24,7 +24,7 @@ class MemoryBlobStore:
 
     def create(self, key: str, chunks: bytes | Iterable[bytes]) -> BlobStat:
         """Store under a new key; raises `BlobExistsError`."""
-        _check(key)
+        check_key(key)
         content = chunks if isinstance(chunks, bytes) else b"".join(chunks)
         with self._lock:
             if key in self._blobs:
@@ -52,14 +52,14 @@ class MemoryBlobStore:
 
     def read(self, key: str) -> bytes:
         """Return the whole blob; raises `BlobNotFoundError`."""
-        _check(key)
+        check_key(key)
         if key not in self._blobs:
             raise BlobNotFoundError(f"there is no blob {key}")
         return self._blobs[key][0]
 
     def stat(self, key: str) -> BlobStat | None:
         """Return what is known of a key, None if nothing is stored there."""
-        _check(key)
+        check_key(key)
         found = self._blobs.get(key)
         return None if found is None else BlobStat(key, len(found[0]), found[1])
 
@@ -72,7 +72,7 @@ class MemoryBlobStore:
 
     def delete(self, key: str) -> bool:
         """Remove one blob; whether it was there."""
-        _check(key)
+        check_key(key)
         return self._blobs.pop(key, None) is not None
 
     def folders(self, prefix: str) -> Iterator[str]:
@@ -83,8 +83,3 @@ class MemoryBlobStore:
 
     def ping(self) -> None:
         """Memory is there."""
-
-
-def _check(key: str) -> None:
-    if not KEY.fullmatch(key):
-        raise ValueError(f"{key!r} is no blob key")

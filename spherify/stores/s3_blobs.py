@@ -32,7 +32,7 @@ from spherify.jobs.errors import (
 )
 from spherify.jobs.ports import BlobStat
 from spherify.jobs.reconcile import SCRATCH_S, sweep_scratch
-from spherify.stores.blobs import KEY, naming_full
+from spherify.stores.blobs import KEY, check_key, naming_full
 from spherify.stores.s3_client import REQUEST_S, WINDOW, S3Client
 
 _FIRST: Final = 256 * 1024  # bytes of the first look into a blob; doubled while it is read on
@@ -60,7 +60,7 @@ class S3BlobStore:
 
     def create(self, key: str, chunks: bytes | Iterable[bytes]) -> BlobStat:
         """Store under a new key; raises `BlobExistsError`, `StorageFullError`. Durable on return."""
-        _check(key)
+        check_key(key)
         if isinstance(chunks, bytes):
             return self._put(key, memoryview(chunks))
         self._spare(key)
@@ -101,7 +101,7 @@ class S3BlobStore:
 
     def read(self, key: str) -> bytes:
         """Return the whole blob; raises `BlobNotFoundError`, `DamagedBlobError`."""
-        _check(key)
+        check_key(key)
 
         def fetch() -> tuple[bytes | None, obstore.GetResult]:
             found = obstore.get(self._client.store, key)
@@ -129,7 +129,7 @@ class S3BlobStore:
         """Yield every blob below a folder-like prefix, sorted by key."""
         folder = prefix.rstrip("/")
         if folder:
-            _check(folder)
+            check_key(folder)
         pages = self._client.ask(lambda: list(obstore.list(self._client.store, folder or None)), folder)
         stats = [_stat(meta) for page in pages for meta in page]
         yield from sorted((stat for stat in stats if KEY.fullmatch(stat.key)), key=lambda stat: stat.key)
@@ -144,7 +144,7 @@ class S3BlobStore:
     def folders(self, prefix: str) -> Iterator[str]:
         """Yield the names of what looks like folders directly below a prefix, sorted."""
         folder = prefix.rstrip("/")
-        _check(folder)
+        check_key(folder)
         found = self._client.ask(lambda: obstore.list_with_delimiter(self._client.store, folder), folder)
         yield from sorted(name.rstrip("/").rpartition("/")[2] for name in found["common_prefixes"])
 
@@ -153,7 +153,7 @@ class S3BlobStore:
         self._client.ping()
 
     def _put(self, key: str, content: memoryview) -> BlobStat:
-        _check(key)
+        check_key(key)
         attributes = {_SHA256: hashlib.sha256(content).hexdigest(), _WRITER: uuid.uuid4().hex}
         store, patience_s = self._client.store, self._client.patience_s
         if len(content) > WINDOW:
@@ -189,7 +189,7 @@ class S3BlobStore:
             raise BlobExistsError(f"{key} is written already")
 
     def _head(self, key: str) -> obstore.GetResult:
-        _check(key)
+        check_key(key)
         return self._client.head(key)
 
 
@@ -243,8 +243,3 @@ def _mapped(path: Path) -> memoryview:
 def _stat(meta: obstore.ObjectMeta) -> BlobStat:
     """Return it with the time in whole seconds: listings tell it finer than answers about one blob do."""
     return BlobStat(meta["path"], meta["size"], float(int(meta["last_modified"].timestamp())))
-
-
-def _check(key: str) -> None:
-    if not KEY.fullmatch(key):
-        raise ValueError(f"{key!r} is no blob key")
