@@ -8,6 +8,7 @@ from service.problem_types import PROBLEMS
 from service.problems import MEDIA_TYPE, ProblemError
 from service.requests import JobRequest
 from spherify.formats import ALLOW, FORMATS_IN, FORMATS_OUT, media_type
+from spherify.formats.codes import PROBLEM_CODES
 from spherify.parameters import parameters_schema
 
 Responses = dict[int | str, dict[str, Any]]
@@ -18,14 +19,7 @@ UPLOAD: Final = (
     "digest-mismatch",
     "request-timeout",
     "upload-too-large",
-    "mesh-too-large",
-    "unsupported-mesh-format",
-    "mesh-not-parsable",
-    "mesh-not-closed",
-    "mesh-not-manifold",
-    "mesh-not-oriented",
-    "mesh-not-connected",
-    "mesh-genus",
+    *PROBLEM_CODES,
     "rate-limited",
     "storage-full",
 )

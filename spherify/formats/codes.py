@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Final, Literal
+from typing import Final, Literal, get_args
 
 ProblemCode = Literal[
     "unsupported-mesh-format",
@@ -14,16 +14,7 @@ ProblemCode = Literal[
     "mesh-not-connected",
     "mesh-genus",
 ]
-PROBLEM_CODES: Final[tuple[ProblemCode, ...]] = (
-    "unsupported-mesh-format",
-    "mesh-too-large",
-    "mesh-not-parsable",
-    "mesh-not-closed",
-    "mesh-not-manifold",
-    "mesh-not-oriented",
-    "mesh-not-connected",
-    "mesh-genus",
-)
+PROBLEM_CODES: Final[tuple[ProblemCode, ...]] = get_args(ProblemCode)
 
 
 def problem_code(value: object) -> ProblemCode:
