@@ -46,8 +46,9 @@ id: 88.1000.done
     response_class=Response,
     responses={
         HTTPStatus.OK: {
-            "description": "`status` (the whole job), `snapshot`, `progress` (twice a second at most), and `done` (the "
-            "whole job) as the last. A comment every 15 s while there is nothing to tell.",
+            "description": "`status` (the whole job), `snapshot`, `progress` (twice a second at most), and as the last "
+            "`done` (the whole job), or `gone` (a problem) if the job is deleted meanwhile. A comment every 15 s while "
+            "there is nothing to tell.",
             "content": {KIND: {"schema": {"type": "string"}, "example": EXAMPLE}},
         },
         HTTPStatus.NO_CONTENT: {
