@@ -8,6 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from service.problems import invalid_model
 from service.requests import DEFAULT_SNAPSHOTS
+from spherify.geometry.schedule import MAX_SNAPSHOTS
 from spherify.parameters import MAX_ITERATIONS
 
 
@@ -24,7 +25,7 @@ class ExtendRequest(BaseModel):
         int, Field(ge=1, le=MAX_ITERATIONS, description="Iterations beyond the last one of the job.")
     ]
     snapshots: Annotated[
-        str | Annotated[list[Annotated[int, Field(ge=0)]], Field(max_length=1000)],
+        str | Annotated[list[Annotated[int, Field(ge=0)]], Field(max_length=MAX_SNAPSHOTS)],
         Field(
             description="Iterations whose state is kept, beside the parent's. They go on counting where it ended: "
             "after 1000, a list would be `1100,1500`; `every:100` keeps 1100, 1200, …; `log:12` (the default) spreads "

@@ -18,7 +18,7 @@ from spherify.formats.names import safe_stem
 from spherify.geometry.config import Method
 from spherify.geometry.errors import InvalidConfigError
 from spherify.geometry.presets import PRESETS
-from spherify.geometry.schedule import SnapshotPlan
+from spherify.geometry.schedule import MAX_SNAPSHOTS, SnapshotPlan
 from spherify.jobs.ids import time_of
 from spherify.jobs.model import JobSpec, MeshRecord
 from spherify.parameters import (
@@ -89,7 +89,7 @@ class JobRequest(BaseModel):
         ),
     ] = None
     snapshots: Annotated[
-        str | Annotated[list[Annotated[int, Field(ge=0)]], Field(max_length=1000)] | None,
+        str | Annotated[list[Annotated[int, Field(ge=0)]], Field(max_length=MAX_SNAPSHOTS)] | None,
         Field(
             description="Iterations whose state is kept: a list, `100,500,1000`, `every:100`, or `log:12` (the "
             "default). 0 and the last are always kept.",

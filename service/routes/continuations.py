@@ -79,8 +79,9 @@ async def extend_job(request: Request, context: Context, job_id: JobId) -> Respo
     asked = parse_extension(text)
 
     def plan(parent: Job, identity: str) -> JobSpec:
-        total, most = last_iteration(parent) + asked.iterations, context.settings.max_iterations
-        if total > min(most, MAX_ITERATIONS):
+        total = last_iteration(parent) + asked.iterations
+        most = min(context.settings.max_iterations, MAX_ITERATIONS)
+        if total > most:
             raise invalid("#/iterations", "too-many", f"at most {most} altogether, not {total}")
         try:
             return extension(parent, identity, asked.iterations, asked.snapshots)
