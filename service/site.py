@@ -12,7 +12,7 @@ from typing import Final
 from starlette.requests import Request
 from starlette.responses import Response
 
-from service.delivery import accepts_gzip, not_modified
+from service.delivery import accepts_gzip, matches, not_modified
 
 BUILT: Final = Path(__file__).parent / "web" / "dist"
 NOT_BUILT: Final = (
@@ -41,7 +41,7 @@ class SiteFile:
         """Return the file, or 304."""
         zipped = self.zipped if accepts_gzip(request) else None
         etag = self.etag if zipped is None else f'{self.etag[:-1]}-gzip"'
-        if (wanted := request.headers.get("if-none-match")) and etag in wanted:
+        if matches(request, etag):
             return not_modified(etag, self.headers["Cache-Control"], "Accept-Encoding")
         headers = self.headers | {"ETag": etag} | ({"Content-Encoding": "gzip"} if zipped else {})
         return Response(zipped or self.data, headers=headers)

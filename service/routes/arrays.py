@@ -45,6 +45,12 @@ async def _job(services: Services, job_id: str) -> Job:
     return await to_thread.run_sync(services.stores.jobs.get, job_id)
 
 
+async def _state(services: Services, job_id: str, which: str) -> tuple[arrays.State, str]:
+    job = await _job(services, job_id)
+    snapshot, cache_control = find(job, which)
+    return arrays.State(job.spec.mesh_id, snapshot), cache_control
+
+
 async def _mesh(services: Services, mesh_id: str) -> arrays.State:
     return arrays.State((await to_thread.run_sync(services.stores.meshes.get, mesh_id)).id)
 
@@ -69,9 +75,7 @@ async def get_positions(
     *, request: Request, context: Context, job_id: JobId, which: Which, dtype: Dtype = "f32"
 ) -> Response:
     """Return where the vertices are, also while the job runs; in the order that `topology` names them in."""
-    job = await _job(context, job_id)
-    snapshot, cache_control = find(job, which)
-    state = arrays.State(job.spec.mesh_id, snapshot)
+    state, cache_control = await _state(context, job_id, which)
     return await arrays.positions(request, context, state, dtype, cache_control)
 
 
@@ -84,11 +88,8 @@ async def get_field(
     *, request: Request, context: Context, job_id: JobId, which: Which, field: VertexField
 ) -> Response:
     """Return one value a vertex, to colour by."""
-    job = await _job(context, job_id)
-    snapshot, cache_control = find(job, which)
-    return await arrays.field(
-        request, context, arrays.State(job.spec.mesh_id, snapshot), field, cache_control
-    )
+    state, cache_control = await _state(context, job_id, which)
+    return await arrays.field(request, context, state, field, cache_control)
 
 
 @router.get(
