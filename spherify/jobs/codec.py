@@ -12,8 +12,6 @@ from typing import Any
 
 from spherify.jobs.model import JobError, JobSpec, JobStatus, MeshRecord, Outcome, Progress, Snapshot
 
-Row = dict[str, float | int]
-
 
 def dumps(value: Any) -> str:  # noqa: ANN401 (whatever JSON holds)
     """Return JSON, the same for equal values."""

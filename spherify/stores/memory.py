@@ -342,13 +342,6 @@ class MemoryJobStore:
         if seconds > 0:
             self._gone.add(job_id)
 
-    def lose_everything(self) -> None:
-        """Do what happens to a server whose data are gone."""
-        with self._lock:
-            for part in (self._entries, self._gone, self._unsettled, self.meshes):
-                part.clear()
-            self._complete = False
-
     def _held(self, job_id: str, token: int) -> _Entry | None:
         entry = self._entries.get(job_id)
         at_work = entry is not None and entry.job.status in _AT_WORK and entry.job.token == token
