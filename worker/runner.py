@@ -152,7 +152,7 @@ def _run(mesh: TriangleMesh, spec: JobSpec, sink: PipeSink, told: list[Stop]) ->
     try:
         return go(find_resumption(sink.blobs, spec.id, plan))
     except InvalidCheckpointError as e:  # of an earlier version of the program: everything once more
-        sys.stderr.write(f"{spec.id}: begun anew, {e}\n")
+        _note(f"{spec.id}: begun anew, {e}")
         return go(Resumption(None, ()))
 
 
