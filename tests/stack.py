@@ -60,19 +60,6 @@ class Stack:
     workers: dict[str, subprocess.Popen[bytes]] = field(default_factory=dict)
     _processes: list[subprocess.Popen[bytes]] = field(default_factory=list)
 
-    def launch_worker(
-        self,
-        name: str = "one",
-        *,
-        concurrency: int = 1,
-        environment: Mapping[str, str] | None = None,
-        program: str = "worker",
-    ) -> subprocess.Popen[bytes]:
-        """Start a worker, and do not wait for it; `environment` is added to that of the stack."""
-        command = [sys.executable, "-m", program, f"--concurrency={concurrency}", f"--hostname={name}@test"]
-        self.workers[name] = self._start(f"worker-{name}", command, environment)
-        return self.workers[name]
-
     def start_worker(
         self,
         name: str = "one",
@@ -80,14 +67,17 @@ class Stack:
         concurrency: int = 1,
         environment: Mapping[str, str] | None = None,
         program: str = "worker",
+        until_ready: bool = True,
     ) -> subprocess.Popen[bytes]:
-        """Start a worker and wait until it takes jobs."""
-        process = self.launch_worker(name, concurrency=concurrency, environment=environment, program=program)
-        wait_for(
-            lambda: self._running(process) and self.stores.client.exists(keys.WORKER + f"{name}@test"),
-            limit_s=READY_S,
-            what=f"worker {name}, see {self.log(f'worker-{name}')}",
-        )
+        """Start a worker, and wait until it takes jobs; `environment` is added to that of the stack."""
+        command = [sys.executable, "-m", program, f"--concurrency={concurrency}", f"--hostname={name}@test"]
+        process = self.workers[name] = self._start(f"worker-{name}", command, environment)
+        if until_ready:
+            wait_for(
+                lambda: self._running(process) and self.stores.client.exists(keys.WORKER + f"{name}@test"),
+                limit_s=READY_S,
+                what=f"worker {name}, see {self.log(f'worker-{name}')}",
+            )
         return process
 
     def stop_worker(self, name: str, number: int = signal.SIGTERM) -> int:

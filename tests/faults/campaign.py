@@ -72,7 +72,7 @@ class Campaign:
             if orders and under_way < OUTSTANDING and self.ledger.submit(orders[-1][1], orders[-1][0]):
                 orders.pop()
             done.update(filter(self._is_done, self.ledger.acknowledged.keys() - done))
-            return not (orders or plan or self.injectors.later) and len(done) == jobs
+            return not (orders or plan or self.injectors.later) and len(done) == len(self.ledger.acknowledged)
 
         try:
             wait_for(all_done, limit_s=limit_s, what=f"{jobs} jobs, see {self.stack.data_dir}")
@@ -87,7 +87,7 @@ class Campaign:
         self.injectors.do_what_is_due()
         for number in range(self.workers):
             if (process := self.stack.workers.get(str(number))) is None or process.poll() is not None:
-                self.stack.launch_worker(str(number), environment=self.worker_environment)
+                self.stack.start_worker(str(number), environment=self.worker_environment, until_ready=False)
 
     def _is_done(self, job_id: str) -> bool:
         try:

@@ -73,8 +73,8 @@ class Verdict:
     double: tuple[str, ...] = ()
 
 
-def judge(ledger: Ledger, logs: Logs, *, spare: frozenset[str] = frozenset()) -> Verdict:
-    """Ask the service for everything that was promised; jobs of `spare` may have ended otherwise."""
+def judge(ledger: Ledger, logs: Logs) -> Verdict:
+    """Ask the service for everything that was promised."""
     found: dict[str, list[str]] = {name: [] for name in ("lost", "stuck", "failed", "wrong")}
     for job_id, specimen in ledger.acknowledged.items():
         answer = ledger.http.get(f"/v1/jobs/{job_id}")
@@ -84,9 +84,9 @@ def judge(ledger: Ledger, logs: Logs, *, spare: frozenset[str] = frozenset()) ->
         job = answer.json()
         if not job["done"]:
             found["stuck"].append(f"{job_id}: {job['status']}")
-        elif job["status"] != "successful" and job_id not in spare:
+        elif job["status"] != "successful":
             found["failed"].append(f"{job_id}: {job['status']}, {job['error']}")
-        elif job["status"] == "successful":
+        else:
             found["wrong"] += [f"{job_id}: {which}" for which in _wrong(ledger.http, job_id, specimen)]
     ends = Counter(logs.own_ends())
     double = tuple(job_id for job_id, times in ends.items() if times > 1)

@@ -1,6 +1,6 @@
 """What takes too long, or too much of the machine, for every day: `make drills` (`ARGS="-k campaign"` for one).
 
-Rows 1 to 7, 14, 15, 16, 18 and 23 of docs/durability.md at their full numbers. Figures are printed.
+Rows 1, 2, 4 to 7, 14, 15, 16, 18 and 23 of docs/durability.md at their full numbers. Figures are printed.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
@@ -91,7 +91,7 @@ def test_a_broker_that_is_away_for_a_minute(tmp_path: Path, specimens: list[Spec
         assert max(slowest.values()) < (1 if how == "refused" else 2)
 
 
-def test_slow_clients_do_not_keep_others_waiting(tmp_path: Path, specimens: list[Specimen]) -> None:
+def test_slow_clients_do_not_keep_others_waiting(tmp_path: Path) -> None:
     """200 bodies of a byte a second and 200 headers that never end, beside everybody else."""
     with started_stack(tmp_path, workers=1, environment=SHORT) as stack, ExitStack() as exits:
         where = httpx.URL(stack.url)
@@ -196,9 +196,9 @@ def test_soak(tmp_path: Path, specimens: list[Specimen]) -> None:
         assert files_after <= files + 8  # a pool of connections breathes
 
 
-def _timed(slowest: dict[str, float], ask: object, name: str) -> None:
+def _timed(slowest: dict[str, float], ask: Callable[[], httpx.Response], name: str) -> None:
     began = time.monotonic()
-    answer = ask()  # type: ignore[operator]
+    answer = ask()
     slowest[name] = max(slowest.get(name, 0.0), round(time.monotonic() - began, 3))
     assert answer.status_code == httpx.codes.SERVICE_UNAVAILABLE
     assert answer.headers["retry-after"]
