@@ -1,5 +1,5 @@
 import { describe, expect, it } from 'vitest';
-import { changes, fieldsOf, wrong, type FormField, type NumberField } from './schema';
+import { carried, changes, fieldsOf, wrong, type FormField, type NumberField } from './schema';
 
 const SCHEMA = {
   $defs: {
@@ -72,4 +72,12 @@ it('sends only what differs from the preset', () => {
   const preset = { step: 0.1, window: [0, 100], annealing: null };
   expect(changes({ ...preset, window: [5, 100] }, preset)).toEqual({ window: [5, 100] });
   expect(changes({ ...preset }, preset)).toEqual({});
+});
+
+it('carries over to another preset what was changed and what that one has', () => {
+  const robust = { method: 'curvature', iterations: 5000, step: 0.05, measure: 'vtk' };
+  const conformal = { method: 'conformal', iterations: 500, measure: 'vtk', time_step: 0.01 };
+  const typed = { ...robust, iterations: 70, step: 0.02 };
+  expect(carried(typed, robust, conformal)).toEqual({ ...conformal, iterations: 70 });
+  expect(carried({}, {}, robust)).toEqual(robust);
 });

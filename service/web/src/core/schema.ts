@@ -114,6 +114,12 @@ export function wrong(field: NumberField, value: number): string {
   return '';
 }
 
+/** Lay what was changed in one preset over another, as far as that one has it: methods have parameters of their own. */
+export function carried(values: Values, from: Values, to: Values): Values {
+  const kept = Object.entries(changes(values, from)).filter(([name]) => name in to);
+  return { ...to, ...Object.fromEntries(kept) };
+}
+
 /** Return what differs from a preset: all that has to be sent. */
 export function changes(values: Values, preset: Values): Record<string, Json> {
   return Object.fromEntries(

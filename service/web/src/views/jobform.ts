@@ -2,7 +2,7 @@ import { html, nothing, type TemplateResult } from 'lit-html';
 import type { JobRequest } from '../api/client';
 import { asProblem, type Problem } from '../api/problem';
 import type { Job, Mesh } from '../api/types';
-import { changes, fieldsOf, type FormField, type Json, type Values } from '../core/schema';
+import { carried, changes, fieldsOf, type FormField, type Json, type Values } from '../core/schema';
 import { curl, python } from '../core/snippets';
 import { copy } from '../ui/clipboard';
 import { fields, prose, sound } from '../ui/form';
@@ -42,10 +42,13 @@ export class JobForm {
         <progress aria-label="Loading"></progress>
       </section>`;
     if (this.preset === '') this.choose(catalogue.info?.default_preset ?? '');
-    const all = fieldsOf(catalogue.parameters.schema);
+    const original = this.original;
+    // the preset decides on the method, and the method on what there is to choose
+    const all = fieldsOf(catalogue.parameters.schema).filter(
+      ({ name }) => name in original && name !== 'method',
+    );
     const main = all.filter((field) => field.name === 'iterations');
     const rest = all.filter((field) => field.name !== 'iterations');
-    const original = this.original;
     const changed = rest.filter(
       (field) => JSON.stringify(this.values[field.name]) !== JSON.stringify(original[field.name]),
     );
@@ -91,9 +94,8 @@ export class JobForm {
 
   private choose(preset: string): void {
     const before = this.original;
-    const kept = this.preset === '' ? {} : changes(this.values, before);
     this.preset = preset;
-    this.values = { ...this.original, ...kept }; // what was changed by hand stays
+    this.values = carried(this.values, before, this.original); // what was changed by hand stays
   }
 
   private presets(): TemplateResult {
