@@ -16,7 +16,7 @@ from spherify.geometry.flow import StopReason
 from spherify.geometry.presets import PRESETS
 from spherify.jobs.model import LEGAL_MOVES, JobStatus
 from spherify.settings import Settings
-from tests.architecture.source import ROOT, python_files
+from tests.architecture.source import ROOT, python_files, web_files
 
 README = (ROOT / "README.md").read_text("utf-8")
 MOST_LINES = 400
@@ -117,6 +117,8 @@ def test_the_description_covers_every_route(routes: dict[str, set[str]], descrip
     assert described.keys() <= routes.keys()
 
 
-@pytest.mark.parametrize("path", python_files(), ids=lambda path: str(path.relative_to(ROOT)))
+@pytest.mark.parametrize(
+    "path", [*python_files(), *web_files()], ids=lambda path: str(path.relative_to(ROOT))
+)
 def test_no_file_is_too_long(path: Path) -> None:
     assert len(path.read_text("utf-8").splitlines()) <= MOST_LINES

@@ -6,6 +6,7 @@ import { MeshWorker } from './mesh/pool';
 import './styles/tokens.css';
 import './styles/base.css';
 import './styles/parts.css';
+import './styles/lists.css';
 import './styles/stage.css';
 import './styles/embed.css';
 import { legend } from './ui/look';

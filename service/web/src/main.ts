@@ -3,6 +3,7 @@ import './styles/tokens.css';
 import './styles/base.css';
 import './styles/layout.css';
 import './styles/parts.css';
+import './styles/lists.css';
 import './styles/stage.css';
 import { applyTheme } from './ui/theme';
 
