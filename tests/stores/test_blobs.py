@@ -110,7 +110,7 @@ def test_folders_are_named_in_order(blobs: BlobStore) -> None:
     assert list(blobs.folders("nothing/")) == []
 
 
-def test_a_large_blob_is_read_in_parts_and_as_a_whole(blobs: BlobStore, tmp_path: Path) -> None:
+def test_a_large_blob_is_read_in_parts_and_as_a_whole(blobs: BlobStore) -> None:
     content = random.Random(1).randbytes(9_000_001)
     path = blobs.scratch() / "upload"
     path.write_bytes(content)

@@ -165,7 +165,6 @@ def test_a_server_that_was_away_longer_than_the_lease_costs_no_loss(
     settings: Settings,
     runners: Watched,
     server: EmbeddedServer,
-    caplog: pytest.LogCaptureFixture,
 ) -> None:
     job_id = endless(stores)
     pid = server.pid

@@ -74,15 +74,6 @@ export class Api {
     await this.send('DELETE', `/v1/jobs/${id}`);
   }
 
-  /** Whether the service answers at all. */
-  async alive(): Promise<boolean> {
-    try {
-      return (await fetch('/healthz', { cache: 'no-store' })).ok;
-    } catch {
-      return false; // which is the answer
-    }
-  }
-
   /** Send a mesh as it is; `progress` is told the share that has been sent. */
   upload(
     file: Blob,

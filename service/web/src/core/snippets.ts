@@ -2,7 +2,7 @@ import type { JobRequest } from '../api/client';
 
 /** The same request for a terminal and for a program: what the page does, anyone can. */
 
-/** Return the request as a line of curl; `file` stands for the mesh if it is to be sent along. */
+/** Return the request as a line of curl. */
 export function curl(origin: string, request: JobRequest): string {
   return `curl --json ${quoted(JSON.stringify(request))} ${origin}/v1/jobs`;
 }

@@ -26,11 +26,6 @@ export class Frames {
     this.kept = new ByteBudget(budget);
   }
 
-  /** Bytes of states held now. */
-  get bytes(): number {
-    return this.kept.bytes;
-  }
-
   /** Fetch the triangles, and the state at iteration 0 with them. */
   async open(first: number): Promise<Drawable> {
     const drawable = await this.worker.ask('topology', {
