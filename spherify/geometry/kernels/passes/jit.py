@@ -17,6 +17,9 @@ from numba import config as _config
 from numba import njit
 from numba.core.compiler import Compiler
 
+GEOMETRY = Path(__file__).parents[2]
+CONSTANTS_OF = ("transformation.py", "unfolding.py")  # their constants are in the machine code
+
 config: Any = _config  # its attributes are made when it is imported
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -48,8 +51,9 @@ class _Apart(Compiler):
         super().__init__(*arguments)  # type: ignore[no-untyped-call] # numba has no types
         self.state.flags.noalias = True
         self.state.flags.no_cpython_wrapper = True
-        self.state.library = self.state.targetctx.codegen().create_library("pass")
-        self.state.library._optimize_final_module = _leave
+        library = self.state.targetctx.codegen().create_library("pass")
+        library._optimize_final_module = _leave
+        self.state["library"] = library
 
 
 def _leave() -> None:
@@ -88,6 +92,6 @@ def kept(compiled: Callable[..., Any]) -> bool:
 @cache
 def _sources() -> str:
     digest = hashlib.sha256()
-    for path in sorted(Path(__file__).parent.glob("*.py")):
+    for path in [*sorted(Path(__file__).parent.glob("*.py")), *(GEOMETRY / name for name in CONSTANTS_OF)]:
         digest.update(path.read_bytes())
     return digest.hexdigest()
