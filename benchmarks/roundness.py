@@ -100,8 +100,7 @@ def warm(flows: Sequence[str], engine: Engine) -> None:
     pebble = mesh.with_vertices(mesh.vertices * [1.0, 1.2, 1.5])
     for flow in flows:
         run("pebble", pebble, flow, engine, limit=0.05, watch=lambda _, __: None)
-    if hasattr(engine, "warm"):
-        engine.warm()  # unfolding, which a pebble does not come to
+    engine.warm()  # unfolding, which a pebble does not come to
 
 
 def generated(vertices: int, only: Collection[str] | None = None) -> list[tuple[str, TriangleMesh]]:

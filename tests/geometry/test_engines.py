@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import subprocess
 import sys
 from dataclasses import replace
@@ -14,6 +15,7 @@ from spherify.geometry.errors import InvalidCheckpointError, InvalidConfigError
 from spherify.geometry.flow import engine_for, flow
 from spherify.geometry.kernels import default_engine, get_engine
 from spherify.geometry.kernels.compiled import WORTH_SHARING, CompiledEngine
+from spherify.geometry.kernels.passes import jit
 from spherify.geometry.presets import PRESETS
 from spherify.geometry.topology import Topology
 from tests.geometry.shapes import open_bump, sample
@@ -147,6 +149,33 @@ def test_machine_code_is_made_once(tmp_path):
     tmp_path.chmod(0o500)
     assert said() == ["True", "True", "1", "0"]
     tmp_path.chmod(0o700)
+
+
+def test_nothing_is_compiled_in_a_run_once_warm():
+    """Not even what comes late, the unfolding: in a container there would be no place to keep it."""
+    code = (
+        "from dataclasses import replace; from spherify.geometry.flow import flow\n"
+        "from spherify.geometry.kernels.compiled import ENTRIES, CompiledEngine\n"
+        "from spherify.geometry.presets import PRESETS; from spherify.geometry.samples import SAMPLES\n"
+        "engine = CompiledEngine(); engine.warm(); assert engine.ready\n"
+        "warm = [entry.signatures for entry in ENTRIES]; assert all(map(len, warm)), warm\n"
+        "config = replace(PRESETS['robust'].config, iterations=40)\n"
+        "*_, last = flow(SAMPLES['quadruped'].build(1000), config, engine=engine)\n"
+        "assert last.checkpoint()['log_weights'].any(), 'the unfolding did not begin'\n"
+        "assert [entry.signatures for entry in ENTRIES] == warm"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_other_sources_are_other_machine_code():
+    """Every file whose constants the passes take counts among their sources."""
+    taken = set()
+    for path in (jit.GEOMETRY / "kernels" / "passes").glob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("spherify."):
+                taken.add(node.module)
+    outside = {name for name in taken if not name.startswith("spherify.geometry.kernels.passes.")}
+    assert outside == {f"spherify.geometry.{name.removesuffix('.py')}" for name in jit.CONSTANTS_OF}
 
 
 def test_no_allocation_within_the_loop():

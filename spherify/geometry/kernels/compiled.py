@@ -44,6 +44,7 @@ from spherify.geometry.unfolding import Unfolded
 
 PASSES_OF_SHAPE: Final = (shape.INTEGRATE, shape.CENTRE, shape.RADII, shape.MOMENTS, shape.SPREAD)
 ALL_MEASURES: Final = sum(PASSES_OF_SHAPE)
+ENTRIES: Final = (walk, work, shape.measure, move_radially, unfold)  # all that Python calls
 WORTH_SHARING: Final = 20_000  # vertices; below, handing out the parts takes as long as they do
 
 
@@ -244,12 +245,14 @@ class CompiledEngine:
     @property
     def ready(self) -> bool:
         """Whether the machine code is there: made by this process, or kept by an earlier one."""
-        return kept(work) and kept(shape.measure) and kept(walk)
+        return all(map(kept, ENTRIES))
 
     def warm(self) -> None:
         """Make or load the machine code, which else the first step does; see `passes.jit` for where it is kept."""
         faces = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
         corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 2.0]])
         kernel = self.prepare(Topology.of(4, faces), FlowConfig(iterations=1))
-        kernel.shape(corners)
         kernel.transform(corners, Stage(1, 1, 0), 0.1, 0.0)
+        centre = kernel.shape(corners).centroid
+        kernel.transform_radially(corners, Stage(1, 1, 0), 0.1, centre)
+        kernel.unfold(corners, centre, np.zeros(4), exponent=1.0, damping=1.0, rounds=1)

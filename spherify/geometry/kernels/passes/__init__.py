@@ -10,5 +10,6 @@ one thing: that LLVM turns their inner loops into vector code.
 - Arguments never overlap, and LLVM is told so (`jit.inner`); else no gather may be moved across a store.
 - Loops go over vertices that have as many neighbours each, in blocks that fit the cache.
 - No sum is reordered and no product fused by the compiler (no fastmath); what is fused says so (`arithmetic.fma`).
-  So the bits are the same on every machine with IEEE arithmetic, whatever its vectors and the number of threads.
+  So the bits are the same on every machine with IEEE arithmetic, whatever its vectors and the number of threads;
+  but for the C library's powers (`relaxation`), logarithms and exponentials (`unfolding`) and arctangents (`corners`).
 """

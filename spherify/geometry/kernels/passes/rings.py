@@ -28,7 +28,7 @@ BLOCK = 128  # vertices; the scratch of one block fits the first-level cache
 STRIDE = (
     BLOCK + 8
 )  # its rows do not begin at equal places within a page, which would make loads wait for stores
-ROWS = 26
+ROWS = 25
 FLAT = 1e-12  # square of the sine of an angle below which a corner's normal is lost to rounding
 
 

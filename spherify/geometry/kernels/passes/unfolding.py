@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from spherify.geometry.kernels.passes.jit import entry
+from spherify.geometry.kernels.passes.jit import entry, inner
 from spherify.geometry.kernels.passes.types import Floats, Indices
 from spherify.geometry.unfolding import FRACTION, LEAST_AREA, LEAST_LOG_WEIGHT, SMOOTHINGS
 
@@ -95,7 +95,7 @@ def unfold(
     return inward, least * m / whole
 
 
-@entry
+@inner
 def draw(U: Floats, drawn: Floats, starts: Indices, neighbours: Indices) -> None:
     """Draw each direction to the weighted mean of its neighbours': from U (n, 4) to ``drawn``."""
     for p in range(U.shape[0]):
@@ -116,7 +116,7 @@ def draw(U: Floats, drawn: Floats, starts: Indices, neighbours: Indices) -> None
         drawn[p, 0], drawn[p, 1], drawn[p, 2] = x / length, y / length, z / length
 
 
-@entry
+@inner
 def triangle(U: Floats, a: int, b: int, c: int) -> tuple[float, float]:
     """Return the area of a triangle of directions, and a number that is positive where it looks outward."""
     ux, uy, uz = U[b, 0] - U[a, 0], U[b, 1] - U[a, 1], U[b, 2] - U[a, 2]
