@@ -1,4 +1,5 @@
 """The mathematics: arrays in, arrays out.
 
-Knows numpy, in its compiled kernels numba and scipy too, and no job, request, file or clock.
+Knows numpy, in its compiled kernels numba and scipy too, in its implicit flows scipy, and no job, request, file or
+clock.
 """

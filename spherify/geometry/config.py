@@ -1,7 +1,7 @@
 """What a run is told: the frozen parameters of a flow, checked when they are built.
 
 Symbols and meanings follow Vartziotis, "Curvature transformation", arXiv:1608.03898, sections 1 and 2; what is
-ours (window, step bound, relaxation, momentum, rescale, annealing) says so.
+ours (window, step bound, relaxation, momentum, rescale, annealing, unfolding) says so.
 """
 
 from __future__ import annotations

@@ -36,9 +36,9 @@ class StopReason(StrEnum):
     CONVERGED = (
         "converged"  # the radius variation fell below config.stop_radius_variation, and no face looks inward
     )
-    STALLED = "stalled"  # annealed down to config.annealing.min_step
+    STALLED = "stalled"  # annealed down to config.annealing.min_step; a flow: config.patience iterations without a rise
     CONSTANT_CURVATURE = "constant-curvature"  # K_max = K_min leaves t undefined: the mesh does not move
-    COLLAPSED = "collapsed"  # the next state was not finite, or inside out; the best state is the result
+    COLLAPSED = "collapsed"  # the next state was not finite, inside out or pinched; the best is the result
     CANCELLED = "cancelled"  # the caller left; never set here
     DEADLINE = "deadline"  # the caller ran out of time; never set here
 
@@ -145,6 +145,7 @@ def flow(
     Raises:
         InvalidMeshError: at once, if the mesh is none of the above.
         InvalidCheckpointError: at once, if the checkpoint belongs to another run or is damaged.
+        InvalidConfigError: at once, if there is no engine of that name, or it cannot be loaded.
 
     """
     if engine is None:
@@ -174,6 +175,9 @@ def engine_for(
         engine: who computes a new run; None is `default_engine`.
         threads: it computes with, where it can.
         say: told in one line if the compiled engine cannot be loaded.
+
+    Raises:
+        InvalidConfigError: there is no engine of that name, or it cannot be loaded.
 
     """
     if resume is not None and "fingerprint" in resume:

@@ -35,8 +35,8 @@ PRESETS: Final = {
         Preset(
             "robust",
             "Robust",
-            "Round spheres from real meshes: the same transformation with a percentile window, a step bound, "
-            "tangential relaxation, momentum and annealing. Ends by itself.",
+            "Round spheres from real meshes: the same transformation of the curvature per dual area, with a percentile "
+            "window, a step bound, tangential relaxation, momentum, annealing and unfolding. Ends by itself.",
             FlowConfig(
                 iterations=5_000,
                 measure="dual-area",

@@ -161,6 +161,7 @@ class TestForeignOrDamaged:
             "best_position",
             "counts",
             "control",
+            "log_weights",
             "shape",
             "best_shape",
             "broke_how",
