@@ -7,12 +7,12 @@ from collections.abc import Iterator
 import pytest
 
 from tests.jobs.examples import job_spec, stone, store_mesh
+from tests.processes import working_in
 from tests.stack import Stack, started_stack
 from tests.worker.observation import (
     LONG,
     finished,
     hashes,
-    processes_of,
     submitted,
 )
 
@@ -22,9 +22,9 @@ def stack(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stack]:
     folder = tmp_path_factory.mktemp("worker")
     with started_stack(folder, workers=1, api=False) as stack:
         store_mesh(stack.stores.meshes, stack.stores.blobs, stone())
-        assert processes_of(folder)
+        assert working_in(folder)
         yield stack
-    assert processes_of(folder) == []  # nothing is left behind
+    assert working_in(folder) == []  # nothing is left behind
 
 
 @pytest.fixture(scope="module")

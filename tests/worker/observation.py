@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 
 from spherify.jobs import layout
@@ -76,32 +75,6 @@ def runner_of(stack: Stack, job_id: str) -> int:
     """Return the process id of the runner that works on a job."""
     starts = [line for line in log_lines(stack, job_id) if line["action"] == "start"]
     return int(str(starts[-1]["message"]).rpartition(" ")[2])
-
-
-def processes_of(folder: Path) -> list[int]:
-    """Return the processes of this machine that were started to work in a data folder, orphans included."""
-    found = []
-    for entry in Path("/proc").iterdir():
-        if entry.name.isdecimal() and int(entry.name) != os.getpid():
-            try:
-                if str(folder).encode() in (entry / "environ").read_bytes():
-                    found.append(int(entry.name))
-            except (FileNotFoundError, ProcessLookupError, PermissionError):
-                continue
-    return found
-
-
-def descendants(pid: int, word: str) -> list[int]:
-    """Return the live processes below one whose command line has a word in it."""
-    found = []
-    for child in [int(c) for c in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]:
-        try:
-            if word in Path(f"/proc/{child}/cmdline").read_text():
-                found.append(child)
-            found += descendants(child, word)
-        except (FileNotFoundError, ProcessLookupError):
-            continue
-    return found
 
 
 def parent_of(pid: int) -> int:

@@ -14,12 +14,12 @@ from spherify.jobs.model import JobStatus
 from spherify.jobs.results import read_result
 from spherify.stores import keys
 from tests.jobs.examples import ENDLESS, job_spec
+from tests.processes import await_gone, below
 from tests.stack import Stack, wait_for
 from tests.worker.observation import (
     LONG,
     actions,
     check_whole,
-    descendants,
     finished,
     finished_after_all,
     hashes,
@@ -108,10 +108,10 @@ def test_a_killed_worker_leaves_nothing_and_another_ends_its_job_with_the_same_b
 ) -> None:
     job_id = submitted(stack, job_spec(**LONG))
     under_way(stack, job_id, 80)
-    family = descendants(stack.workers["0"].pid, "worker")
-    assert runner_of(stack, job_id) in family
+    family = below(stack.workers["0"].pid, "worker")
+    assert runner_of(stack, job_id) in {seen.pid for seen in family}
     stack.stop_worker("0", signal.SIGKILL)
-    wait_for(lambda: not any(map(is_running, family)), what="the end of its pool and its runners")
+    await_gone(family)
     stack.start_worker("0")
     job = finished(stack, job_id)
     check_whole(stack, job)
