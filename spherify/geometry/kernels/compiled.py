@@ -6,8 +6,9 @@ finite is left to the reference, so that a mesh that breaks does so in the same 
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,7 +45,8 @@ from spherify.geometry.unfolding import Unfolded
 
 PASSES_OF_SHAPE: Final = (shape.INTEGRATE, shape.CENTRE, shape.RADII, shape.MOMENTS, shape.SPREAD)
 ALL_MEASURES: Final = sum(PASSES_OF_SHAPE)
-ENTRIES: Final = (walk, work, shape.measure, move_radially, unfold)  # all that Python calls
+ENTRIES: Final[Sequence[Callable[..., Any]]] = (walk, work, shape.measure, move_radially, unfold)
+"""All that Python calls."""
 WORTH_SHARING: Final = 20_000  # vertices; below, handing out the parts takes as long as they do
 
 
