@@ -91,9 +91,10 @@ def _set_up_logging(**_: Any) -> None:  # noqa: ANN401 (what Celery sends along)
     logs.set_up()
 
 
-def _begin(sender: Any, **_: Any) -> None:  # noqa: ANN401 (Celery's worker)
+def _begin(sender: Any, **_: Any) -> None:  # noqa: ANN401 (Celery's consumer)
     settings = _Process.settings
-    stores, slots = open_stores(settings, timeout_s=_TIMEOUT_S), sender.app.conf.worker_concurrency
+    stores = open_stores(settings, timeout_s=_TIMEOUT_S)
+    slots = sender.controller.concurrency  # with --concurrency; the configuration does not know of that
     _Process.watchdog = Watchdog(
         lambda: Vitals(
             turns=turns(),

@@ -77,3 +77,20 @@ def test_a_worker_that_consumes_nothing_ends_and_its_job_goes_on(
         wait_for(lambda: jobs.get(waiting).status is JobStatus.SUCCESSFUL)
         again = wait_for(lambda: job if (job := jobs.get(running)).attempt == 2 else None)
         assert again.losses == 0  # it was handed on
+
+
+def test_a_worker_whose_slots_are_all_taken_is_left_alone(tmp_path: Path) -> None:
+    limit_s = 5.0
+    with started_stack(
+        tmp_path, workers=1, api=False, environment={**QUICK, "SPHERIFY_WATCHDOG_S": str(limit_s)}
+    ) as stack:
+        jobs, blobs, queue = stack.stores.jobs, stack.stores.blobs, stack.stores.queue
+        store_mesh(stack.stores.meshes, blobs, stone())
+        running = submit(jobs, blobs, queue, job_spec(**ENDLESS)).id
+        wait_for(lambda: jobs.get(running).snapshots)
+        waiting = submit(jobs, blobs, queue, job_spec()).id
+        since = jobs.get(running).progress.elapsed_s
+        wait_for(lambda: jobs.get(running).progress.elapsed_s > since + 2 * limit_s)
+        assert (jobs.get(running).status, jobs.get(running).attempt) == (JobStatus.RUNNING, 1)
+        assert jobs.get(waiting).status is JobStatus.ACCEPTED
+        assert "watchdog" not in stack.log("worker-0").read_text()
