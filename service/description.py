@@ -24,7 +24,7 @@ Times are RFC 3339 in UTC, links absolute paths, listings go by cursor. Every ad
 New members may be added to answers at any time: ignore those you do not know.
 
 A job is `accepted`, then `running`, and ends as `successful`, `failed` or `cancelled`; `cancelling` lies between. \
-`done` is true for exactly the last three. After the loss of a worker a job is `accepted` again, `attempt` rises, and \
+`done` is true for exactly the three ends. After the loss of a worker a job is `accepted` again, `attempt` rises, and \
 it goes on from its last state. How the mathematics ended is another matter: `stop_reason`."""
 TAGS: Final = [
     {"name": "Meshes", "description": "Upload, look at, download, delete. The same bytes are the same mesh."},
