@@ -14,8 +14,10 @@ from service.context import Services
 from service.delivery import IMMUTABLE, Content, deliver, file_name
 from service.problems import invalid
 from spherify import __version__
-from spherify.formats import InvalidExportError, media_type, safe_stem, write_mesh
+from spherify.formats import COLOURED, InvalidExportError, media_type, safe_stem, write_mesh
+from spherify.formats.colours import vertex_colours
 from spherify.formats.names import extension
+from spherify.geometry.fields import FieldName, vertex_field
 from spherify.jobs import layout
 from spherify.jobs.model import Job, MeshRecord, Snapshot
 
@@ -26,6 +28,15 @@ Precision = Annotated[
 ]
 Ascii = Annotated[bool, Query(description="Text instead of binary, where there is a choice (PLY, STL).")]
 
+Color = Annotated[
+    FieldName | None,
+    Query(
+        description=f"Colour the vertices by a field ({', '.join(COLOURED)} only), with the scale and the range of the "
+        "web page: 2nd to 98th percentile, symmetric about 0 where it lies between them for `curvature` and "
+        "`distance`. The file says the range: in a comment, in GLB in `asset.extras.note`."
+    ),
+]
+
 
 @dataclass(frozen=True, slots=True)
 class Form:
@@ -34,6 +45,7 @@ class Form:
     format: str
     precision: PrecisionValue = "double"
     ascii: bool = False
+    color: FieldName | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,11 +93,22 @@ async def _converted(request: Request, services: Services, target: Target, form:
     """Convert, once: the file is kept under what determines its bytes, and its tag is made of the bytes."""
 
     def build(file: BinaryIO) -> None:
-        _, state = target.state.load(services.stores.blobs)
+        start, state = target.state.load(services.stores.blobs)
+        colours = (
+            vertex_colours(form.color, vertex_field(form.color, start, state.vertices))
+            if form.color
+            else None
+        )
         try:
-            file.write(write_mesh(state, form.format, precision=form.precision, ascii=form.ascii))
+            data = write_mesh(state, form.format, precision=form.precision, ascii=form.ascii, colours=colours)
         except InvalidExportError as e:
             raise invalid("query/ascii", "no-text-form", str(e)) from e
+        file.write(data)
+
+    if form.color is not None and form.format not in COLOURED:
+        raise invalid(
+            "query/color", "no-colours", f"{form.format} holds no colours; {', '.join(COLOURED)} do"
+        )
 
     parts = ("mesh", target.state.source, form, __version__)
     with await services.cache.get(parts, build, services.conversions) as file:

@@ -10,7 +10,7 @@ from fastapi import APIRouter, Query, Request, Response
 
 from service import documentation as doc
 from service.context import Context
-from service.conversion import Ascii, Form, Precision, converted_mesh, original
+from service.conversion import Ascii, Color, Form, Precision, converted_mesh, original
 from service.delivery import json_answer
 from service.forms import multipart
 from service.identifiers import MeshFormat, MeshId
@@ -168,10 +168,11 @@ async def download_mesh_as(
     format: MeshFormat,  # noqa: A002 (its name in the address)
     precision: Precision = "double",
     ascii: Ascii = False,  # noqa: A002 (its name in the address)
+    color: Color = None,
 ) -> Response:
     """Return the mesh after repairs: vertices and triangles in the order of every snapshot made of it."""
     record = await to_thread.run_sync(context.stores.meshes.get, mesh_id)
-    return await converted_mesh(request, context, record, Form(format, precision, ascii))
+    return await converted_mesh(request, context, record, Form(format, precision, ascii, color))
 
 
 @router.delete(

@@ -12,7 +12,7 @@ from fastapi import APIRouter, Query, Request, Response
 from service import documentation as doc
 from service.archive import MEDIA_TYPE, metrics_csv, write_archive
 from service.context import Context
-from service.conversion import Ascii, Form, Precision, converted_snapshot
+from service.conversion import Ascii, Color, Form, Precision, converted_snapshot
 from service.delivery import IMMUTABLE, REVALIDATE, Content, deliver, file_name, json_answer, strong_etag
 from service.identifiers import JobId, MeshFormat, Which
 from service.queries import KNOWN_QUERY
@@ -71,6 +71,7 @@ async def download_snapshot(
     format: MeshFormat,  # noqa: A002 (its name in the address)
     precision: Precision = "double",
     ascii: Ascii = False,  # noqa: A002 (its name in the address)
+    color: Color = None,
 ) -> Response:
     """Return the state as a file, also while the job runs: `curl -OJ …/snapshots/latest.ply`.
 
@@ -78,7 +79,9 @@ async def download_snapshot(
     reached yet is 404 `result-not-ready` with `Retry-After`.
     """
     job = await to_thread.run_sync(context.stores.jobs.get, job_id)
-    return await converted_snapshot(request, context, job, find(job, which), Form(format, precision, ascii))
+    return await converted_snapshot(
+        request, context, job, find(job, which), Form(format, precision, ascii, color)
+    )
 
 
 @router.get(
@@ -118,6 +121,7 @@ async def get_snapshot(
     which: Which,
     precision: Precision = "double",
     ascii: Ascii = False,  # noqa: A002 (its name in the address)
+    color: Color = None,
 ) -> Response:
     """Return the figures of a state as JSON, or the mesh if `Accept` names the media type of one."""
     form = negotiate(request.headers.get("accept"))
@@ -126,7 +130,7 @@ async def get_snapshot(
     if form is None:
         answer = json_answer(request, snapshot_out(job_id, found[0]), cache_control=found[1])
     else:
-        answer = await converted_snapshot(request, context, job, found, Form(form, precision, ascii))
+        answer = await converted_snapshot(request, context, job, found, Form(form, precision, ascii, color))
     answer.headers["Vary"] = VARY
     return answer
 

@@ -6,10 +6,11 @@ from spherify.formats.limits import ReadLimits
 from spherify.formats.names import FORMATS_IN, FORMATS_OUT, media_type, safe_name, safe_stem
 from spherify.formats.reading import read_mesh
 from spherify.formats.report import ALLOW, Defect, Location, MeshReport, Repair
-from spherify.formats.writing import write_mesh
+from spherify.formats.writing import COLOURED, write_mesh
 
 __all__ = [
     "ALLOW",
+    "COLOURED",
     "FORMATS_IN",
     "FORMATS_OUT",
     "Defect",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final, Literal, get_args
 
+from spherify.formats.colours import VertexColours
 from spherify.formats.errors import InvalidExportError
 from spherify.formats.names import FORMATS_OUT
 from spherify.formats.writers.glb import glb
@@ -14,7 +15,7 @@ from spherify.formats.writers.text import obj, off
 from spherify.geometry.mesh import TriangleMesh
 
 Precision = Literal["double", "float"]
-Writer = Callable[[TriangleMesh, Precision], bytes]
+Writer = Callable[[TriangleMesh, Precision, VertexColours | None], bytes]
 
 _WRITERS: Final[dict[str, Writer]] = {
     "obj": obj,
@@ -24,6 +25,7 @@ _WRITERS: Final[dict[str, Writer]] = {
     "glb": glb,
 }
 _ASCII: Final[dict[str, Writer]] = {"obj": obj, "ply": ply_ascii, "stl": stl_ascii, "off": off}
+COLOURED: Final = ("ply", "glb", "obj")  # formats that hold colours of vertices
 
 
 def write_mesh(
@@ -32,6 +34,7 @@ def write_mesh(
     *,
     precision: Precision = "double",
     ascii: bool = False,  # noqa: A002  # its name in the interface
+    colours: VertexColours | None = None,
 ) -> bytes:
     """Return a mesh as the bytes of a file; vertices and faces keep their order.
 
@@ -42,9 +45,10 @@ def write_mesh(
             text: nine digits, enough to tell each float32 from the next). STL
             and GLB hold float32 always.
         ascii: text instead of binary, where there is a choice (PLY, STL); OBJ and OFF are text always.
+        colours: of the vertices, in the formats of `COLOURED`.
 
     Raises:
-        InvalidExportError: an unknown format or precision, or ASCII of GLB.
+        InvalidExportError: an unknown format or precision, ASCII of GLB, or colours where there is no place for them.
 
     """
     if mesh_format not in _WRITERS:
@@ -58,4 +62,6 @@ def write_mesh(
     writers = _ASCII if ascii else _WRITERS
     if mesh_format not in writers:
         raise InvalidExportError(f"{mesh_format} has no text form; choose one of {', '.join(_ASCII)}")
-    return writers[mesh_format](mesh, precision)
+    if colours is not None and mesh_format not in COLOURED:
+        raise InvalidExportError(f"{mesh_format} holds no colours; choose one of {', '.join(COLOURED)}")
+    return writers[mesh_format](mesh, precision, colours)

@@ -26,14 +26,14 @@ class Field:
         title: what it is.
         unit: of its values, "1" where they have none.
         description: its definition, in a sentence.
-        signed: whether 0 lies in its middle.
+        diverging: whether it is coloured from one colour through a neutral one to another.
 
     """
 
     title: str
     unit: str
     description: str
-    signed: bool = False
+    diverging: bool = False
 
 
 FIELDS: Final[dict[FieldName, Field]] = {
@@ -42,12 +42,13 @@ FIELDS: Final[dict[FieldName, Field]] = {
         "1/length",
         "Vertex curvature K by the measure `vtk`: mean over the edges at the vertex of 3·l·θ / 2(A_f + A_g), θ the "
         "signed dihedral angle, positive where convex; 1/r on a sphere of radius r.",
+        diverging=True,
     ),
     "distance": Field(
         "Distance to the best-fit sphere",
         "1",
         "(|p − c| − r) / r, with centre c and radius r of the sphere of least squares; positive outside it.",
-        signed=True,
+        diverging=True,
     ),
     "displacement": Field(
         "Displacement",

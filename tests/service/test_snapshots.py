@@ -287,3 +287,19 @@ def test_curl_saves_under_the_telling_name(base_url: str, running: Hand, tmp_pat
     command = ["curl", "-sSfOJ", base_url + url(running, "latest.ply")]
     subprocess.run(command, cwd=tmp_path, timeout=30, check=True)
     assert [path.name for path in tmp_path.iterdir()] == ["bunny_it00100.ply"]
+
+
+def test_a_state_comes_with_the_colours_of_a_field(client: httpx.Client, running: Hand) -> None:
+    plain = client.get(url(running, "100.ply"))
+    coloured = client.get(url(running, "100.ply"), params={"color": "quality"})
+    assert b"comment colour quality (1) from " in coloured.content
+    assert b"property uchar red" in coloured.content
+    assert b"property uchar red" not in plain.content
+    assert coloured.headers["etag"] != plain.headers["etag"]
+    by_type = client.get(url(running, "100"), params={"color": "quality"}, headers={"Accept": MEDIA["ply"]})
+    assert by_type.content == coloured.content
+    mesh = f"/v1/meshes/{running.job().spec.mesh_id}/content.obj"
+    assert client.get(mesh, params={"color": "distance"}).text.startswith("# colour distance (1) from ")
+    for params, name in (({"color": "beauty"}, "100.ply"), ({"color": "quality"}, "100.stl")):
+        wrong = problem(client.get(url(running, name), params=params), 422, "invalid-parameters")
+        assert wrong["errors"][0]["pointer"] == "query/color"

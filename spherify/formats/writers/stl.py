@@ -10,6 +10,7 @@ from typing import Literal
 
 import numpy as np
 
+from spherify.formats.colours import VertexColours
 from spherify.formats.readers.stl import TRIANGLE
 from spherify.formats.writers.text import rows
 from spherify.geometry.measures import face_normals
@@ -19,7 +20,11 @@ _HEADER = b"Spherify, binary STL".ljust(80)  # must not begin with "solid"
 _FACET = "facet normal %.9g %.9g %.9g\nouter loop\n" + 3 * "vertex %.9g %.9g %.9g\n" + "endloop\nendfacet\n"
 
 
-def stl_binary(mesh: TriangleMesh, precision: Literal["double", "float"]) -> bytes:  # float32 always
+def stl_binary(
+    mesh: TriangleMesh,
+    precision: Literal["double", "float"],  # float32 always
+    colours: VertexColours | None = None,  # none in STL
+) -> bytes:
     """Return binary STL; the normal of a triangle without area is 0."""
     triangles = np.zeros(len(mesh.faces), TRIANGLE)
     triangles["normal"] = face_normals(mesh.vertices, mesh.faces)
@@ -27,7 +32,11 @@ def stl_binary(mesh: TriangleMesh, precision: Literal["double", "float"]) -> byt
     return b"".join([_HEADER, len(mesh.faces).to_bytes(4, "little"), triangles.tobytes()])
 
 
-def stl_ascii(mesh: TriangleMesh, precision: Literal["double", "float"]) -> bytes:  # float32 always
+def stl_ascii(
+    mesh: TriangleMesh,
+    precision: Literal["double", "float"],  # float32 always
+    colours: VertexColours | None = None,  # none in STL
+) -> bytes:
     """Return ASCII STL with the digits of float32."""
     corners = mesh.vertices[mesh.faces].reshape(-1, 9)
     facets = np.concatenate([face_normals(mesh.vertices, mesh.faces), corners], axis=1).astype(np.float32)

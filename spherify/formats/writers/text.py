@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from spherify.formats.colours import VertexColours
 from spherify.geometry.mesh import TriangleMesh
 
 _ROWS = (
@@ -35,14 +36,26 @@ def positions(mesh: TriangleMesh, precision: Literal["double", "float"]) -> NDAr
     return mesh.vertices if precision == "double" else mesh.vertices.astype(np.float32).astype(np.float64)
 
 
-def obj(mesh: TriangleMesh, precision: Literal["double", "float"]) -> bytes:
-    """Return Wavefront OBJ: v and f lines only."""
+def obj(
+    mesh: TriangleMesh, precision: Literal["double", "float"], colours: VertexColours | None = None
+) -> bytes:
+    """Return Wavefront OBJ: v and f lines; colours, from 0 to 1, follow the position, as most programs read them."""
     one = number(precision)
-    vertices = rows(positions(mesh, precision), f"v {one} {one} {one}\n")
-    return b"".join([*vertices, *rows(mesh.faces + 1, "f %d %d %d\n")])
+    head, values, template = b"", positions(mesh, precision), f"v {one} {one} {one}\n"
+    if colours is not None:
+        head = f"# {colours.note}\n".encode("ascii")
+        values, template = (
+            np.column_stack([values, colours.rgb / 255]),
+            f"v {one} {one} {one} %.4f %.4f %.4f\n",
+        )
+    return b"".join([head, *rows(values, template), *rows(mesh.faces + 1, "f %d %d %d\n")])
 
 
-def off(mesh: TriangleMesh, precision: Literal["double", "float"]) -> bytes:
+def off(
+    mesh: TriangleMesh,
+    precision: Literal["double", "float"],
+    colours: VertexColours | None = None,  # none in OFF
+) -> bytes:
     """Return OFF; its third count, of edges, is 0 as readers ignore it."""
     one = number(precision)
     head = f"OFF\n{len(mesh.vertices)} {len(mesh.faces)} 0\n".encode("ascii")

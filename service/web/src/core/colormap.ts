@@ -34,19 +34,19 @@ export interface FieldInfo {
 export const FIELD_INFO: Readonly<Record<Field, FieldInfo>> = {
   curvature: {
     title: 'Curvature',
-    unit: 'in the measure of the run',
-    meaning: 'K at each vertex, the quantity the transformation evens out',
+    unit: '1 / unit of the file',
+    meaning: 'K at each vertex: 1 / r on a sphere of radius r; what the transformation evens out',
     diverging: true,
   },
   distance: {
     title: 'Distance to sphere',
-    unit: 'units of the file',
+    unit: '× its radius',
     meaning: 'how far each vertex is outside (+) or inside (−) the sphere that fits best',
     diverging: true,
   },
   displacement: {
     title: 'Displacement',
-    unit: 'units of the file',
+    unit: 'mean edges',
     meaning: 'how far each vertex has moved since iteration 0',
     diverging: false,
   },

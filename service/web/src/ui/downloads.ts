@@ -1,12 +1,14 @@
 import { html, nothing, type TemplateResult } from 'lit-html';
 import type { Job } from '../api/types';
+import { FIELD_INFO, type Field } from '../core/colormap';
 import { count } from '../core/format';
 import { icon } from './icons';
 
 const FORMATS = ['ply', 'obj', 'stl', 'glb', 'off'] as const;
+const COLOURED: readonly string[] = ['ply', 'glb', 'obj'];
 
 /** The files of a job: the state that is shown, the best, the result; everything at once; the figures; a picture. */
-export function downloads(job: Job, state: number, picture: () => void): TemplateResult {
+export function downloads(job: Job, state: number, color: Field | null, picture: () => void): TemplateResult {
   const { available } = job.snapshots;
   if (available.length === 0) return html``;
   const path = `/v1/jobs/${job.id}`;
@@ -17,7 +19,7 @@ export function downloads(job: Job, state: number, picture: () => void): Templat
         (format) =>
           html`<td>
             <a
-              href="${path}/snapshots/${which}.${format}"
+              href="${path}/snapshots/${which}.${format}${color !== null && COLOURED.includes(format) ? `?color=${color}` : ''}"
               download
               aria-label="${words} as ${format.toUpperCase()}"
               >${format}</a
@@ -34,6 +36,7 @@ export function downloads(job: Job, state: number, picture: () => void): Templat
         ${job.best_iteration === null ? nothing : row('best', 'Best')}
       </tbody>
     </table>
+    ${color === null ? nothing : html`<p class="hint">PLY, OBJ and GLB come with the colours: ${FIELD_INFO[color].title.toLowerCase()}.</p>`}
     <div class="actions">
       ${
         'archive' in job.links

@@ -146,7 +146,7 @@ export class JobView implements View {
     const rows = stage.run.state?.rows ?? [];
     return html`${statusCard(job, rows, stage.at, stage.run.connection)} ${this.actions(job)}
       <section class="card" aria-label="Chart">${this.chart.element}</section>
-      ${downloads(job, stage.state, () => void this.picture())}
+      ${downloads(job, stage.state, stage.color, () => void this.picture())}
       <section class="card" aria-label="Share">
         <h2>Share</h2>
         <div class="actions">
