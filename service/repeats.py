@@ -10,6 +10,7 @@ import hashlib
 import json
 import logging
 from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
 from typing import Annotated, Any, Final
 
 from anyio import to_thread
@@ -19,7 +20,17 @@ from service.problems import problem_of
 from spherify.jobs.codec import dumps
 from spherify.jobs.errors import StoreUnavailableError
 from spherify.jobs.ids import new_job_id
+from spherify.jobs.model import RequestKey
 from spherify.jobs.repeats import RepeatStore
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """What a request is to make: the identity of a new job, and the key it was asked for under, to be kept with it."""
+
+    job_id: str
+    request: RequestKey | None = None
+
 
 REPLAYED: Final = "Idempotent-Replayed"
 _KEPT_HEADERS: Final = ("content-type", "location", "etag", "retry-after", "cache-control")
@@ -48,7 +59,7 @@ async def once(
     request: Request,
     repeats: RepeatStore,
     content: Any,  # noqa: ANN401 (whatever JSON holds)
-    act: Callable[[str], Awaitable[Response]],
+    act: Callable[[Identity], Awaitable[Response]],
 ) -> Response:
     """Carry a request out, unless it was before.
 
@@ -56,7 +67,7 @@ async def once(
         request: tells the operation, and its key; without one it is simply carried out.
         repeats: where keys are kept.
         content: what it asks, JSON-ready: equal for requests that mean the same.
-        act: does it, under the identity it is given for a new job.
+        act: does it, under the identity it is given.
 
     Raises:
         KeyReusedError, RequestInProgressError, StoreUnavailableError: nothing was done.
@@ -65,14 +76,14 @@ async def once(
     identity, _ = new_job_id()
     key = request.headers.get("idempotency-key")
     if key is None:
-        return await act(identity)
-    name = _hash(f"{request.method} {request.url.path} {key}")
-    begun = await to_thread.run_sync(repeats.begin, name, _hash(dumps(content)), identity)
+        return await act(Identity(identity))
+    name, fingerprint = _hash(f"{request.method} {request.url.path} {key}"), _hash(dumps(content))
+    begun = await to_thread.run_sync(repeats.begin, name, fingerprint, identity)
     if begun.answer is not None:
         log.info("answered before", extra={"action": "replay"})
         return _load(begun.answer)
     try:
-        answer = await act(begun.identity)
+        answer = await act(Identity(begun.identity, RequestKey(name, fingerprint)))
     except Exception as e:
         problem = problem_of(e)
         refused = problem is not None and problem.type.is_refusal

@@ -13,6 +13,7 @@ from typing import Annotated, Any, Final
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from service.problems import FieldError, ProblemError, invalid, invalid_many, invalid_model
+from service.repeats import Identity
 from spherify.formats import ALLOW
 from spherify.formats.names import safe_stem
 from spherify.geometry.config import Method
@@ -121,17 +122,18 @@ class JobPlan:
     name: str | None
     tags: tuple[str, ...]
 
-    def spec(self, mesh: MeshRecord, job_id: str, name: str | None = None) -> JobSpec:
-        """Return the job this is, on a mesh, under an identifier."""
+    def spec(self, mesh: MeshRecord, identity: Identity, name: str | None = None) -> JobSpec:
+        """Return the job this is, on a mesh, under an identity."""
         return JobSpec(
-            id=job_id,
+            id=identity.job_id,
             mesh_id=mesh.id,
             name=self.name or safe_stem(name or mesh.name),
             tags=self.tags,
             preset=self.preset,
             parameters=self.parameters.model_dump(mode="json"),
             snapshots_requested=self.snapshots,
-            created_at=time_of(job_id),
+            created_at=time_of(identity.job_id),
+            request=identity.request,
         )
 
     def as_dict(self) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from dataclasses import replace
 from enum import Enum
 from typing import Any, Final, TypeVar
 
+from spherify.jobs.accounts import write_account
 from spherify.jobs.codec import load_outcome, load_progress
 from spherify.jobs.errors import JobsError, StorageFullError, StoreUnavailableError
 from spherify.jobs.model import JobError, JobStatus, Outcome, Progress
@@ -87,6 +88,12 @@ class Supervisor:
         if claim.outcome is not ClaimOutcome.CLAIMED:
             _say(logging.INFO, job_id, "drop", f"dropped: {claim.outcome}")
             return
+        _say(
+            logging.INFO,
+            job_id,
+            "claim",
+            f"token {claim.token}, after {claim.spent_s:.1f} s of earlier attempts",
+        )
         attempt = _Attempt(self, job_id, claim, keep_delivery)
         try:
             attempt.go()
@@ -109,7 +116,7 @@ class _Attempt:
         self._settings = boss.settings
         self._job_id = job_id
         self._token = token = claim.token
-        self._spent_s = claim.spent_s
+        self._claim = claim
         self._limit_s = max(boss.settings.wall_limit_s - claim.spent_s, _LEAST_S)
         self._keep_delivery = keep_delivery
         self._outbox = Outbox(boss.jobs, job_id, token)
@@ -128,6 +135,7 @@ class _Attempt:
         if earlier is not None:  # an attempt died between the file and the record
             self._adopt(earlier)
             return
+        self._keep_account()
         runner = self._boss.runners.take()
         try:
             runner.start(
@@ -152,6 +160,13 @@ class _Attempt:
             exit_code = self._end_of(runner)
         self._conclude(verdict, exit_code)
         self._boss.runners.prepare()
+
+    def _keep_account(self) -> None:
+        """Write down what only the record knows otherwise; without it a rebuild begins to count anew."""
+        try:
+            write_account(self._boss.blobs, self._job_id, self._claim)
+        except StorageFullError as e:
+            self._say(logging.WARNING, "account", f"what was spent is not written: {e}")
 
     def put_off(self, error: StoreUnavailableError) -> None:
         """Hand on because the files cannot be reached, which is neither a loss nor an end."""
@@ -193,7 +208,7 @@ class _Attempt:
 
     def _hear(self, event: dict[str, Any]) -> None:
         if event["event"] == "ready":
-            self._say(logging.INFO, "start", f"attempt {self._token} in process {event['pid']}")
+            self._say(logging.INFO, "start", f"under token {self._token}, process {event['pid']}")
         elif event["event"] in {"snapshot", "report"}:
             self._outbox.take_in(event)
             self._look_at = 0.0  # tell it at once
@@ -314,7 +329,7 @@ class _Attempt:
 
     def _adopt(self, result: Result) -> None:
         """Tell the record of an end that another attempt wrote and did not live to tell."""
-        self._say(logging.INFO, "adopt", f"ended by attempt {result.token}")
+        self._say(logging.INFO, "adopt", f"ended under token {result.token}")
         if self._insist(lambda: publish_result(self._jobs, self._token, result)):
             self._committed(result.outcome)
 
@@ -338,7 +353,7 @@ class _Attempt:
 
     def _send(self) -> None:
         try:
-            self._boss.queue.send(self._job_id)
+            self._boss.queue.send(self._job_id, ahead=True)
         except StoreUnavailableError:
             self._say(logging.WARNING, "send", "not sent: the reconciler will")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
+from dataclasses import replace
 from http import HTTPStatus
 from typing import Any, Final
 
@@ -18,7 +19,7 @@ from service.identifiers import JobId
 from service.job_answers import job_answer
 from service.problems import ProblemError, invalid
 from service.queries import KNOWN_QUERY
-from service.repeats import IDEMPOTENT, once
+from service.repeats import IDEMPOTENT, Identity, once
 from service.schemas import JobOut
 from service.uploads import KIB, small_body
 from service.waiting import PREFER, after_waiting
@@ -113,14 +114,14 @@ async def _continue(
 ) -> Response:
     stores = services.stores
 
-    def submit(identity: str) -> Job:
+    def submit(identity: Identity) -> Job:
         parent = stores.jobs.get(job_id)
-        spec = plan(parent, identity)
+        spec = replace(plan(parent, identity.job_id), request=identity.request)
         job = submit_continuation(stores.jobs, stores.blobs, stores.queue, parent, spec)
         log.info("goes on from %s", job_id, extra={"action": "submit", "job_id": job.id})
         return job
 
-    async def act(identity: str) -> Response:
+    async def act(identity: Identity) -> Response:
         return job_answer(request, await to_thread.run_sync(submit, identity), HTTPStatus.CREATED)
 
     answer = await once(request, stores.repeats, content, act)

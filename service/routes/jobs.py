@@ -19,7 +19,7 @@ from service.job_answers import job_answer, job_etag
 from service.paging import DEFAULT_LIMIT, Cursor, Limit, link_header, links
 from service.problems import ProblemError, invalid
 from service.queries import KNOWN_QUERY
-from service.repeats import IDEMPOTENT, once
+from service.repeats import IDEMPOTENT, Identity, once
 from service.requests import TAG, JobPlan, JobRequest, parse_allow, parse_form, parse_json, plan, plan_form
 from service.schemas import JobOut, PageOut, job_out
 from service.uploads import small_body
@@ -44,10 +44,12 @@ def _submit(services: Services, spec: JobSpec) -> Job:
     return job
 
 
-def _submit_known(services: Services, planned: JobPlan, asked: JobRequest, job_id: str, pointer: str) -> Job:
+def _submit_known(
+    services: Services, planned: JobPlan, asked: JobRequest, identity: Identity, pointer: str
+) -> Job:
     try:
         mesh = services.stores.meshes.get(asked.mesh_id)
-        return _submit(services, planned.spec(mesh, job_id))  # which finds out if it was deleted meanwhile
+        return _submit(services, planned.spec(mesh, identity))  # which finds out if it was deleted meanwhile
     except MeshNotFoundError as e:
         raise invalid(pointer, "unknown", str(e)) from e
 
@@ -98,8 +100,8 @@ async def create_job(request: Request, context: Context) -> Response:
 async def _on_known_mesh(
     request: Request, services: Services, planned: JobPlan, asked: JobRequest, pointer: str
 ) -> Response:
-    async def act(job_id: str) -> Response:
-        job = await to_thread.run_sync(_submit_known, services, planned, asked, job_id, pointer)
+    async def act(identity: Identity) -> Response:
+        job = await to_thread.run_sync(_submit_known, services, planned, asked, identity, pointer)
         return job_answer(request, job, HTTPStatus.CREATED)
 
     content = [asked.mesh_id, planned.as_dict()]
@@ -115,9 +117,9 @@ async def _from_form(request: Request, services: Services) -> Response:
             return await _on_known_mesh(request, services, planned, asked, "form/mesh_id")
         allow = parse_allow(form.fields.get("allow", ()), "form/allow")
 
-        async def act(job_id: str) -> Response:
+        async def act(identity: Identity) -> Response:
             mesh, _ = await services.intake.accept(file, allow)
-            spec = planned.spec(mesh, job_id, file.name)
+            spec = planned.spec(mesh, identity, file.name)
             try:
                 job = await to_thread.run_sync(_submit, services, spec)
             except MeshNotFoundError as e:

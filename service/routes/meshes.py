@@ -17,7 +17,7 @@ from service.identifiers import MeshFormat, MeshId
 from service.paging import DEFAULT_LIMIT, Cursor, Limit, link_header, links
 from service.problems import invalid
 from service.queries import KNOWN_QUERY
-from service.repeats import IDEMPOTENT, once
+from service.repeats import IDEMPOTENT, Identity, once
 from service.requests import MAX_NAME, parse_allow
 from service.schemas import MeshOut, PageOut, mesh_out
 from service.uploads import raw_upload
@@ -72,7 +72,7 @@ async def create_mesh(request: Request, context: Context) -> Response:
             raise invalid(f"form/{unknown[0][:80]}", "unknown", "the fields are file and allow")
         allow = parse_allow(form.fields.get("allow", ()), "form/allow")
 
-        async def act(_: str) -> Response:
+        async def act(_: Identity) -> Response:
             return _answer(request, *await context.intake.accept(file, allow))
 
         content = [file.sha256, file.name, sorted(allow)]

@@ -10,7 +10,16 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
-from spherify.jobs.model import JobError, JobSpec, JobStatus, MeshRecord, Outcome, Progress, Snapshot
+from spherify.jobs.model import (
+    JobError,
+    JobSpec,
+    JobStatus,
+    MeshRecord,
+    Outcome,
+    Progress,
+    RequestKey,
+    Snapshot,
+)
 
 
 def dumps(value: Any) -> str:  # noqa: ANN401 (whatever JSON holds)
@@ -25,9 +34,15 @@ def dump_record(record: JobSpec | Snapshot | Progress | Outcome | JobError | Mes
 
 def load_spec(text: str | bytes) -> JobSpec:
     """Read what `dump_record` wrote of a spec."""
-    data = json.loads(text)
+    data: dict[str, Any] = dict(json.loads(text))
+    request = data.get("request")  # it is younger than the rest
     return JobSpec(
-        **{**data, "tags": tuple(data["tags"]), "snapshots_requested": tuple(data["snapshots_requested"])}
+        **{
+            **data,
+            "tags": tuple(data["tags"]),
+            "snapshots_requested": tuple(data["snapshots_requested"]),
+            "request": None if request is None else RequestKey(**request),
+        }
     )
 
 

@@ -137,6 +137,7 @@ def _child(parent: Job, job_id: str, parameters: dict[str, Any], plan: tuple[int
         parent.spec,
         id=job_id,
         parent_id=parent.id,
+        request=None,
         parameters=parameters,
         snapshots_requested=plan,
         created_at=time_of(job_id),

@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 from typing import Final
 
 from spherify.jobs import layout
-from spherify.jobs.rebuild import Stock, restore_job, restore_mesh
+from spherify.jobs.rebuild import Stock, named, restore_job, restore_mesh
 from spherify.jobs.settle import remove_folder
 
 SLICE: Final = 200  # folders in one look
@@ -69,7 +69,7 @@ class Inventory:
     ) -> list[str]:
         restored = []
         for name in unknown:
-            extra = {"job_id": name, "action": "inventory"}
+            extra = named(name, "inventory")
             if name not in self._missing:  # it may be on its way
                 self._seen.add(name)
             elif restore(self._stock, name):

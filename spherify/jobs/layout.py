@@ -3,6 +3,7 @@
     meshes/{mesh}/original.{ext}  mesh.npz  record.json
     jobs/{job}/spec.json                                   before the record
                withdrawn.json                              the record could not be written, and nobody was told of a job
+               attempts/{token}.json                       before an attempt begins; swept at the end
                cancel.json                                 before a running job is told to stop
                snapshots/{token}-{iteration}.npz           before the snapshot is known; public
                checkpoints/{token}-{iteration}.npz         between snapshots; swept at the end
@@ -77,6 +78,21 @@ def withdrawn(job_id: str) -> str:
 def cancel(job_id: str) -> str:
     """Return the key that says that a running job was to be cancelled."""
     return f"jobs/{job_id}/cancel.json"
+
+
+def attempts(job_id: str) -> str:
+    """Return the prefix of what is kept of a job's attempts."""
+    return f"jobs/{job_id}/attempts/"
+
+
+def account(job_id: str, token: int) -> str:
+    """Return the key of what had been spent when an attempt began."""
+    return f"{attempts(job_id)}{token:07d}.json"
+
+
+def token_of(key: str) -> int:
+    """Return the token of a key that `account` made."""
+    return int(key.rpartition("/")[2].removesuffix(".json"))
 
 
 def result(job_id: str) -> str:

@@ -99,6 +99,20 @@ class JobError:
 
 
 @dataclass(frozen=True, slots=True)
+class RequestKey:
+    """The Idempotency-Key that a job was asked for under, see `spherify.jobs.repeats`.
+
+    Attributes:
+        name: hash of the operation and the key.
+        fingerprint: hash of what was asked.
+
+    """
+
+    name: str
+    fingerprint: str
+
+
+@dataclass(frozen=True, slots=True)
 class JobSpec:
     """What was asked, immutable: written once as ``jobs/{id}/spec.json`` before anything else exists.
 
@@ -106,6 +120,7 @@ class JobSpec:
         parameters: every parameter, resolved: the JSON form of `spherify.parameters.Parameters`.
         snapshots_requested: iterations at which a state is kept, ascending, 0 and the last one included.
         parent_id: the job this one goes on from, None if it began with its mesh.
+        request: the key of the request that made it, None if that had none.
 
     """
 
@@ -118,6 +133,7 @@ class JobSpec:
     snapshots_requested: tuple[int, ...]
     created_at: float
     parent_id: str | None = None
+    request: RequestKey | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -93,12 +93,16 @@ class Claim:
     Attributes:
         token: fences every later write; 0 unless CLAIMED.
         spent_s: how long earlier attempts held the job, by the server's clock.
+        attempt: how many there are with this one.
+        losses: how many of them lost their worker.
 
     """
 
     outcome: ClaimOutcome
     token: int = 0
     spent_s: float = field(default=0.0, compare=False)
+    attempt: int = field(default=0, compare=False)
+    losses: int = field(default=0, compare=False)
 
 
 class Renewal(StrEnum):
@@ -227,8 +231,11 @@ class JobStore(Protocol):
 
     # What the reconciler calls.
 
-    def lost(self, limit: int | None = None) -> list[str]:
-        """Free jobs whose lease ran out, the longest first; returns those to be sent again. Poison ones are failed."""
+    def lost(self, limit: int | None = None, *, counted: bool = True) -> list[str]:
+        """Free jobs whose lease ran out, the longest first; returns those to be sent again.
+
+        Each is a loss, and poison ones are failed, unless no worker is to blame and none is counted.
+        """
         ...
 
     def waiting(self, older_than_s: float, limit: int | None = None) -> list[str]:
@@ -270,8 +277,15 @@ class JobStore(Protocol):
         """Return those of which there is neither a record nor a tombstone."""
         ...
 
-    def restore(self, job: Job, rows: Sequence[Mapping[str, float | int]]) -> bool:
-        """Record a job again; token and revision begin beyond all earlier ones. False if it is known, or deleted."""
+    def restore(self, job: Job, rows: Sequence[Mapping[str, float | int]], *, spent_s: float = 0.0) -> bool:
+        """Record a job again; token and revision begin beyond all earlier ones. False if it is known, or deleted.
+
+        Args:
+            job: as it is to be.
+            rows: of its time series.
+            spent_s: how long its attempts held it, see `Claim`.
+
+        """
         ...
 
     def bury(self, job_id: str, seconds: float) -> None:
@@ -306,12 +320,15 @@ class MeshStore(Protocol):
 class JobQueue(Protocol):
     """Carries job ids to workers. A hint only: what it loses the reconciler sends again."""
 
-    def send(self, job_id: str) -> None:
-        """Send one id; raises `StoreUnavailableError` within 2 s when the broker does not answer."""
+    def send(self, job_id: str, *, ahead: bool = False) -> None:
+        """Send one id, perhaps ahead of those that have not waited before.
+
+        Raises `StoreUnavailableError` within 2 s when the broker does not answer.
+        """
         ...
 
     def pending(self, start: int = 0, count: int = 1000) -> list[str]:
-        """Return ids in the queue, newest first, `count` at most from a place on; "" for a message of others."""
+        """Return ids in the queue, the next one last, `count` at most from a place on; "" for a message of others."""
         ...
 
     def length(self) -> int:

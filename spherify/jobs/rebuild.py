@@ -3,7 +3,9 @@
     tombstones/{job}                    the job was deleted, and stays so
     jobs/{job}/result.json              the job ended so
     jobs/{job}/cancel.json              the job was to be cancelled, and is
-    jobs/{job}/spec.json                the job waits again, and goes on from its newest checkpoint
+    jobs/{job}/spec.json                the job waits again, and goes on from its newest checkpoint; of all jobs also
+                                        the Idempotency-Key, for the rest of its day
+    jobs/{job}/attempts/{token}.json    what attempts and losses there were, and how long they took
     meshes/{mesh}/record.json           the mesh
 
 What has a ``withdrawn.json`` was answered with "not accepted" and stays away. A spec without that and without a record
@@ -19,11 +21,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from spherify.jobs import layout
+from spherify.jobs.accounts import read_account
 from spherify.jobs.codec import load_mesh_record, load_spec
 from spherify.jobs.errors import BlobNotFoundError, JobsError, StoreUnavailableError
 from spherify.jobs.ids import is_job_id
 from spherify.jobs.model import Job, JobSpec
 from spherify.jobs.ports import BlobStore, JobQueue, JobStore, MeshStore
+from spherify.jobs.repeats import RepeatStore
 from spherify.jobs.results import Result, read_result
 from spherify.jobs.settle import settle
 
@@ -38,6 +42,7 @@ class Stock:
     meshes: MeshStore
     blobs: BlobStore
     queue: JobQueue
+    repeats: RepeatStore
 
 
 def rebuild(stock: Stock, still: Callable[[], object] = lambda: None) -> bool:
@@ -80,6 +85,11 @@ def rebuild(stock: Stock, still: Callable[[], object] = lambda: None) -> bool:
     return True
 
 
+def named(name: str, action: str) -> dict[str, str]:
+    """Return what a log line says of a job or of a mesh."""
+    return {"job_id" if is_job_id(name) else "mesh_id": name, "action": action}
+
+
 def restore_mesh(stock: Stock, mesh_id: str) -> bool:
     """Record a mesh again from its files; whether there was anything to record."""
     try:
@@ -99,14 +109,18 @@ def restore_job(stock: Stock, job_id: str) -> bool:
     except BlobNotFoundError:
         return False
     result = read_result(blobs, job_id)
+    if result is None and blobs.stat(layout.withdrawn(job_id)) is not None:
+        return False
+    if spec.request is not None:
+        stock.repeats.remember(spec.request.name, spec.request.fingerprint, job_id, spec.created_at)
     if result is not None:
         ended = blobs.stat(layout.result(job_id))
         return stock.jobs.restore(
             _ended(spec, result, ended.created_at if ended else time.time()), result.rows
         )
-    if blobs.stat(layout.withdrawn(job_id)) is not None:
-        return False
-    restored = stock.jobs.restore(Job(spec, token=_newest_token(blobs, job_id)), ())
+    known = read_account(blobs, job_id)
+    job = Job(spec, token=known.token, attempt=known.attempt, losses=known.losses)
+    restored = stock.jobs.restore(job, (), spent_s=known.spent_s)
     if restored and blobs.stat(layout.cancel(job_id)) is not None:
         stock.jobs.request_cancel(job_id)
         settle(stock.jobs, blobs, job_id)
@@ -137,12 +151,6 @@ def _ended(spec: JobSpec, result: Result, finished_at: float) -> Job:
     )
 
 
-def _newest_token(blobs: BlobStore, job_id: str) -> int:
-    """Return the greatest token that left a file: whoever wrote it may live yet, and is to be fenced."""
-    prefixes = (layout.snapshots(job_id), layout.checkpoints(job_id))
-    return max((layout.numbers(stat.key)[0] for prefix in prefixes for stat in blobs.list(prefix)), default=0)
-
-
 def _tried(stock: Stock, name: str, restore: Callable[[Stock, str], bool]) -> bool:
     try:
         return restore(stock, name)
@@ -155,5 +163,5 @@ def _tried(stock: Stock, name: str, restore: Callable[[Stock, str], bool]) -> bo
         LookupError,
         TypeError,
     ):  # files of another form: not the others' trouble
-        log.exception("cannot be restored", extra={"job_id": name, "action": "rebuild"})
+        log.exception("cannot be restored", extra=named(name, "rebuild"))
         return False

@@ -56,6 +56,15 @@ class Reconciler:
         self._inventory = Inventory(stock)
         self._settled_to = ""
         self._swept_at = float("-inf")
+        self._amnesty = 0
+
+    def after_outage(self) -> None:
+        """Say that the server was away for so long that leases ran out because nobody could renew them.
+
+        The next scan frees no job: workers that hold one get the time to say so, or to hand it on. The one after
+        frees those that nobody spoke for, and counts no loss: it was not they who lost their workers.
+        """
+        self._amnesty = 2
 
     def scan(self, still: Callable[[], object] = lambda: None) -> Scan:
         """Look once; raises `StoreUnavailableError`, after which the next scan makes up for it.
@@ -74,10 +83,12 @@ class Reconciler:
         )
 
     def _send_lost(self) -> tuple[str, ...]:
-        lost = tuple(self._stock.jobs.lost(_LOST))
+        waits, counted = self._amnesty == 2, self._amnesty == 0
+        self._amnesty = max(self._amnesty - 1, 0)
+        lost = () if waits else tuple(self._stock.jobs.lost(_LOST, counted=counted))
         for job_id in lost:
             log.warning("its lease ran out: sent again", extra={"job_id": job_id, "action": "reconcile-lost"})
-            self._stock.queue.send(job_id)
+            self._stock.queue.send(job_id, ahead=True)
         return lost
 
     def _send_orphans(self) -> tuple[str, ...]:
@@ -86,7 +97,7 @@ class Reconciler:
             log.warning(
                 "waiting, and in no queue: sent again", extra={"job_id": job_id, "action": "reconcile-orphan"}
             )
-            self._stock.queue.send(job_id)
+            self._stock.queue.send(job_id, ahead=True)
         return orphans
 
     def _settle(self) -> tuple[str, ...]:

@@ -6,7 +6,8 @@
                └──► (forgotten)      it was refused, and had no effect
 
 The identity is that of what the request makes. It is fixed before anything is made, so that a repetition after a
-crash makes the same thing, not a second one.
+crash makes the same thing, not a second one. Should the server lose its records, name, fingerprint and identity come
+back with the job, from its ``spec.json``: a repetition is then carried out once more, and finds the job.
 """
 
 from __future__ import annotations
@@ -38,8 +39,16 @@ class RepeatStore(Protocol):
         Raises:
             KeyReusedError: the key came with another request before.
             RequestInProgressError: the same request is being carried out.
-            StoreUnavailableError: nothing may be done: it could be done twice.
+            StoreUnavailableError: nothing may be done: it could be done twice. So it is while records are being
+                rebuilt, and the key may be among them.
 
+        """
+        ...
+
+    def remember(self, key: str, fingerprint: str, identity: str, begun_at: float) -> bool:
+        """Take up again what was lost: a request begun at a time (seconds since the epoch), without its answer.
+
+        False, and nothing changes, if there is something under the key, or its day is over.
         """
         ...
 

@@ -29,6 +29,7 @@ def settle(jobs: JobStore, blobs: BlobStore, job_id: str) -> None:
             if blobs.stat(layout.result(job_id)) is None:
                 write_result(blobs, _result_of(job, jobs.metrics(job_id)))
             remove_folder(blobs, layout.checkpoints(job_id))
+            remove_folder(blobs, layout.attempts(job_id))
             settled = jobs.settled(job_id, deleted=False)
         except JobGoneError:
             remove_folder(blobs, layout.job_folder(job_id))

@@ -31,7 +31,7 @@ class Stores:
     @property
     def stock(self) -> Stock:
         """What the reconciler looks through."""
-        return Stock(self.jobs, self.meshes, self.blobs, self.queue)
+        return Stock(self.jobs, self.meshes, self.blobs, self.queue, self.repeats)
 
     def close(self) -> None:
         """Close the connections; a later use opens new ones."""

@@ -48,7 +48,11 @@ WORKER: Final = PREFIX + "worker:"
 """+ node name: sign of life of a worker, 15 s unless renewed."""
 
 QUEUE: Final = "spherify.jobs"
-"""List of Celery messages, written and read by kombu; Celery's name of the queue. One entry a waiting job."""
+"""List of Celery messages, written and read by kombu, of jobs that were begun before: taken first. Celery's name of
+the queue. One entry a job that waits again."""
+
+QUEUE_USUAL: Final = QUEUE + "\x06\x161"
+"""The same of all others, named by kombu: separator, and priority 1. One entry a waiting job."""
 
 UNACKED: Final = PREFIX + "unacked"
 """Hash of kombu: delivery tag → message that a worker holds. One entry a running job."""

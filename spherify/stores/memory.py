@@ -155,7 +155,7 @@ class MemoryJobStore:
             if entry.job.status in _AT_WORK:
                 if self._leased(entry) and claimant and entry.claimant == claimant:
                     entry.job = replace(entry.job, lease_until=self._clock() + self._lease_s)
-                    return Claim(ClaimOutcome.CLAIMED, entry.job.token, entry.spent_s)
+                    return self._claimed(entry)
                 if self._leased(entry):
                     return Claim(ClaimOutcome.LEASED)
                 after = self._lose(entry)
@@ -172,7 +172,7 @@ class MemoryJobStore:
                 lease_until=self._clock() + self._lease_s,
             )
             entry.claimant, entry.claimed_at = claimant, self._clock()
-            return Claim(ClaimOutcome.CLAIMED, job.token + 1, entry.spent_s)
+            return self._claimed(entry)
 
     def renew(self, job_id: str, token: int) -> Renewal:
         """Extend the lease, and learn whether to go on."""
@@ -215,13 +215,9 @@ class MemoryJobStore:
         """Hand a job on without counting a loss: accepted again, next in the queue."""
         with self._lock:
             entry = self._held(job_id, token)
-            if entry is None:
-                return False
-            if entry.job.status is JobStatus.CANCELLING:
-                self._move(entry, JobStatus.CANCELLED, stop_reason="cancelled")
-            else:
-                self._move(entry, JobStatus.ACCEPTED)
-            return True
+            if entry is not None:
+                self._hand_on(entry)
+            return entry is not None
 
     def lose(self, job_id: str, token: int) -> bool:
         """Give a job up whose runner died, counting a loss; whether it is to be sent again."""
@@ -262,8 +258,11 @@ class MemoryJobStore:
             )
             return True
 
-    def lost(self, limit: int | None = None) -> list[str]:
-        """Free jobs whose lease ran out, the longest first; returns those to be sent again. Poison ones are failed."""
+    def lost(self, limit: int | None = None, *, counted: bool = True) -> list[str]:
+        """Free jobs whose lease ran out, the longest first; returns those to be sent again.
+
+        Each is a loss, and poison ones are failed, unless no worker is to blame and none is counted.
+        """
         with self._lock:
             overdue = [
                 entry
@@ -271,7 +270,8 @@ class MemoryJobStore:
                 if entry.job.status in _AT_WORK and not self._leased(entry)
             ]
             overdue.sort(key=lambda entry: entry.job.lease_until or 0.0)
-            return [e.job.id for e in overdue[:limit] if self._lose(e) is JobStatus.ACCEPTED]
+            free = self._lose if counted else self._hand_on
+            return [e.job.id for e in overdue[:limit] if free(e) is JobStatus.ACCEPTED]
 
     def waiting(self, older_than_s: float, limit: int | None = None) -> list[str]:
         """Return accepted jobs queued for longer than that, oldest first."""
@@ -324,7 +324,7 @@ class MemoryJobStore:
         with self._lock:
             return [i for i in job_ids if i not in self._entries and i not in self._gone]
 
-    def restore(self, job: Job, rows: Sequence[Mapping[str, float | int]]) -> bool:
+    def restore(self, job: Job, rows: Sequence[Mapping[str, float | int]], *, spent_s: float = 0.0) -> bool:
         """Record a job again; token and revision begin beyond all earlier ones. False if it is known, or deleted."""
         with self._lock:
             if not self.unknown([job.id]):
@@ -332,6 +332,7 @@ class MemoryJobStore:
             fresh = max(round(self._clock() * 1000), job.token + 1)
             entry = _Entry(replace(job, token=fresh, rev=fresh), job.spec.created_at)
             entry.rows.update({row["iteration"]: dict(row) for row in rows})
+            entry.spent_s = spent_s
             self._entries[job.id] = entry
             if job.status.done:
                 self._unsettled.add(job.id)
@@ -342,6 +343,11 @@ class MemoryJobStore:
         if seconds > 0:
             self._gone.add(job_id)
 
+    @staticmethod
+    def _claimed(entry: _Entry) -> Claim:
+        job = entry.job
+        return Claim(ClaimOutcome.CLAIMED, job.token, entry.spent_s, job.attempt, job.losses)
+
     def _held(self, job_id: str, token: int) -> _Entry | None:
         entry = self._entries.get(job_id)
         at_work = entry is not None and entry.job.status in _AT_WORK and entry.job.token == token
@@ -349,6 +355,13 @@ class MemoryJobStore:
 
     def _leased(self, entry: _Entry) -> bool:
         return entry.job.lease_until is not None and entry.job.lease_until > self._clock()
+
+    def _hand_on(self, entry: _Entry) -> JobStatus:
+        if entry.job.status is JobStatus.CANCELLING:
+            self._move(entry, JobStatus.CANCELLED, stop_reason="cancelled")
+        else:
+            self._move(entry, JobStatus.ACCEPTED)
+        return entry.job.status
 
     def _lose(self, entry: _Entry) -> JobStatus:
         losses = entry.job.losses + 1

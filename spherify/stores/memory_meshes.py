@@ -52,20 +52,21 @@ class MemoryJobQueue:
     """A list of ids; `take` is what a worker would do."""
 
     def __init__(self) -> None:
-        self._waiting: list[str] = []
+        self._ahead: list[str] = []
+        self._usual: list[str] = []
 
-    def send(self, job_id: str) -> None:
-        """Send one id."""
-        self._waiting.append(job_id)
+    def send(self, job_id: str, *, ahead: bool = False) -> None:
+        """Send one id, perhaps ahead of those that have not waited before."""
+        (self._ahead if ahead else self._usual).append(job_id)
 
     def take(self) -> str:
-        """Deliver the oldest id; raises `IndexError` when there is none."""
-        return self._waiting.pop(0)
+        """Deliver the next id; raises `IndexError` when there is none."""
+        return (self._ahead or self._usual).pop(0)
 
     def pending(self, start: int = 0, count: int = 1000) -> list[str]:
-        """Return ids in the queue, newest first, `count` at most from a place on."""
-        return self._waiting[::-1][start : start + count]
+        """Return ids in the queue, the next one last, `count` at most from a place on."""
+        return [*self._ahead, *self._usual][::-1][start : start + count]
 
     def length(self) -> int:
         """Return how many messages wait to be delivered."""
-        return len(self._waiting)
+        return len(self._ahead) + len(self._usual)

@@ -16,12 +16,14 @@ from kombu.exceptions import OperationalError
 
 from spherify.jobs.errors import StoreUnavailableError
 from spherify.stores import keys
-from spherify.stores.client import connect, reachable
+from spherify.stores.client import Scripts, connect, reachable
 
 TASK: Final = "spherify.run_job"
 VISIBILITY_S: Final = 120  # refreshed by the heartbeat, so that jobs of hours are delivered once
+_AHEAD, _USUAL = 0, 1  # kombu's priorities: a list each, and all of the first before any of the second
 TRANSPORT: Final = {
     "visibility_timeout": VISIBILITY_S,
+    "priority_steps": [_AHEAD, _USUAL],
     "unacked_key": keys.UNACKED,
     "unacked_index_key": keys.UNACKED_INDEX,
     "unacked_mutex_key": keys.UNACKED_MUTEX,
@@ -40,6 +42,7 @@ class CeleryJobQueue:
 
     def __init__(self, redis_url: str, *, timeout_s: float = 0.5) -> None:
         self._client = connect(redis_url, timeout_s=timeout_s)
+        self._scripts = Scripts(self._client)
         self._celery = Celery("spherify", broker=broker_url(redis_url), set_as_current=False)
         self._celery.conf.update(
             task_default_queue=keys.QUEUE,
@@ -53,24 +56,36 @@ class CeleryJobQueue:
             },
         )
 
-    def send(self, job_id: str) -> None:
-        """Send one id; raises `StoreUnavailableError` within 2 s when the broker does not answer."""
+    def send(self, job_id: str, *, ahead: bool = False) -> None:
+        """Send one id; raises `StoreUnavailableError` within 2 s when the broker does not answer.
+
+        Args:
+            job_id: what to send.
+            ahead: of those that were not: for a job that has stood in the queue before.
+
+        """
+        priority = _AHEAD if ahead else _USUAL
         try:
             with reachable():
-                self._celery.send_task(TASK, args=(job_id,), task_id=job_id, ignore_result=True)
+                self._celery.send_task(
+                    TASK, args=(job_id,), task_id=job_id, ignore_result=True, priority=priority
+                )
         except OperationalError as e:
             raise StoreUnavailableError(f"the queue does not answer: {e}") from e
 
     def pending(self, start: int = 0, count: int = 1000) -> list[str]:
-        """Return ids in the queue, newest first, `count` at most from a place on; "" for a message of others."""
-        with reachable():
-            messages: list[str] = self._client.lrange(keys.QUEUE, start, start + count - 1)  # type: ignore[assignment] # client is not async
+        """Return ids in the queue, the next one last, `count` at most from a place on; "" for a message of others."""
+        messages: list[str] = self._scripts(
+            "pending", [keys.QUEUE_USUAL, keys.QUEUE], [start, count], common=False
+        )
         return [_job_of(message) for message in messages]
 
     def length(self) -> int:
         """Return how many messages wait to be delivered."""
-        with reachable():
-            return int(self._client.llen(keys.QUEUE))
+        with reachable(), self._client.pipeline(transaction=True) as pipe:
+            pipe.llen(keys.QUEUE_USUAL)
+            pipe.llen(keys.QUEUE)
+            return sum(pipe.execute())
 
     def keep(self, delivery_tag: str) -> None:
         """Say that a delivered message is still being worked on, so that it is not delivered again.

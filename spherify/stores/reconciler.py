@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import logging
 import threading
+import time
+from typing import Final
 
 from spherify.jobs.errors import StoreUnavailableError
 from spherify.jobs.reconcile import Reconciler
@@ -11,6 +13,8 @@ from spherify.settings import Settings
 from spherify.stores.connect import open_stores
 from spherify.stores.leader import Leadership
 
+OUTAGE_SHARE: Final = 0.5
+"""Of the lease: when nothing was heard of the server for that long, workers may not have been able to renew theirs."""
 log = logging.getLogger(__name__)
 
 
@@ -34,11 +38,16 @@ class ReconcilerThread(threading.Thread):
         leadership = Leadership(stores.client, self._owner, lease_s=3 * period)
         reconciler = Reconciler(stores.stock, orphan_s=self._settings.orphan_s)
         pause = 0.0
+        answered = time.monotonic()
         while not self._done.wait(pause):
             pause = period
             try:
-                if leadership.acquire():
+                leads = leadership.acquire()
+                if time.monotonic() - answered > OUTAGE_SHARE * self._settings.lease_s:
+                    reconciler.after_outage()
+                if leads:
                     reconciler.scan(still=leadership.acquire)
+                answered = time.monotonic()
             except StoreUnavailableError as e:
                 log.warning("the job store does not answer: %s", e, extra={"action": "reconcile"})
             except Exception:  # a scan that fails must not be the last one; the trace goes to the log

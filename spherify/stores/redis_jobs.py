@@ -139,10 +139,10 @@ class RedisJobStore:
 
     def claim(self, job_id: str, worker: str, claimant: str = "") -> Claim:
         """Take the lease and the next fencing token; the same ones again for a claimant who did not hear the answer."""
-        outcome, token, spent_ms = self._run(
+        outcome, token, spent_ms, attempt, losses = self._run(
             "claim", job_id, [worker, self._lease_ms, self._max_losses, claimant]
         )
-        return Claim(ClaimOutcome(outcome), int(token), int(spent_ms) / 1000)
+        return Claim(ClaimOutcome(outcome), int(token), int(spent_ms) / 1000, int(attempt), int(losses))
 
     def renew(self, job_id: str, token: int) -> Renewal:
         """Extend the lease, and learn whether to go on."""
@@ -188,12 +188,16 @@ class RedisJobStore:
         args = [token, outcome.status, dump_record(outcome), *fields_of(outcome)]
         return bool(self._run("commit", job_id, args))
 
-    def lost(self, limit: int | None = None) -> list[str]:
-        """Free jobs whose lease ran out, the longest first; returns those to be sent again. Poison ones are failed."""
+    def lost(self, limit: int | None = None, *, counted: bool = True) -> list[str]:
+        """Free jobs whose lease ran out, the longest first; returns those to be sent again.
+
+        Each is a loss, and poison ones are failed, unless no worker is to blame and none is counted.
+        """
         lost = []
+        most = self._max_losses if counted else ""
         for job_id in self._until(keys.LEASES, 0, limit):
             try:
-                if self._run("lose", job_id, ["", self._max_losses]) == JobStatus.ACCEPTED:
+                if self._run("lose", job_id, ["", most]) == JobStatus.ACCEPTED:
                     lost.append(job_id)
             except redis.ResponseError:  # a record of another form: its trouble is not the others'
                 log.exception("its record cannot be read", extra={"job_id": job_id, "action": "lost"})
@@ -245,10 +249,10 @@ class RedisJobStore:
                 pipe.exists(keys.job(job_id), keys.gone(job_id))
             return [job_id for job_id, found in zip(job_ids, pipe.execute(), strict=True) if not found]
 
-    def restore(self, job: Job, rows: Sequence[Mapping[str, float | int]]) -> bool:
+    def restore(self, job: Job, rows: Sequence[Mapping[str, float | int]], *, spent_s: float = 0.0) -> bool:
         """Record a job again; token and revision begin beyond all earlier ones. False if it is known, or deleted."""
         args = [
-            dumps(hash_of(job)),
+            dumps(hash_of(job) | {"spent": str(round(spent_s * 1000))}),
             dumps({str(row["iteration"]): dumps(dict(row)) for row in rows}),
             dumps({str(snapshot.iteration): dump_record(snapshot) for snapshot in job.snapshots}),
             job.token + 1,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from typing import Final
 
 import redis
@@ -10,6 +11,7 @@ from spherify.jobs.errors import KeyReusedError, RequestInProgressError
 from spherify.jobs.repeats import Beginning
 from spherify.stores import keys
 from spherify.stores.client import Scripts, reachable
+from spherify.stores.epoch import require_complete
 
 KEPT_S: Final = 24 * 3600
 BUSY_S: Final = 10.0
@@ -27,12 +29,21 @@ class RedisRepeatStore:
     def begin(self, key: str, fingerprint: str, identity: str) -> Beginning:
         """Take a request up; raises `KeyReusedError`, `RequestInProgressError`."""
         args = [fingerprint, identity, self._busy_ms, KEPT_S]
-        found, content = self._scripts("begin", [keys.repeat(key)], args, common=False)
+        found, content = self._scripts("begin", [keys.repeat(key), keys.EPOCH], args, common=False)
+        if found == "incomplete":
+            require_complete(self._client)
+            raise RequestInProgressError  # the rebuild has ended this moment
         if found == "reused":
             raise KeyReusedError
         if found == "busy":
             raise RequestInProgressError
         return Beginning(content) if found == "begun" else Beginning("", content)
+
+    def remember(self, key: str, fingerprint: str, identity: str, begun_at: float) -> bool:
+        """Take up again what was lost, for the rest of its day; False if there is something under the key."""
+        left = round(begun_at + KEPT_S - time.time())
+        args = [fingerprint, identity, left]
+        return left > 0 and bool(self._scripts("remember", [keys.repeat(key)], args, common=False))
 
     def answered(self, key: str, answer: str) -> None:
         """Keep the answer."""

@@ -33,7 +33,6 @@ SHORT: Final = {
     "SPHERIFY_ORPHAN_S": "3",
     "SPHERIFY_CANCEL_GRACE_S": "2",
     "SPHERIFY_CHECKPOINT_S": "0.5",
-    "SPHERIFY_MAX_LOSSES": "8",  # kills beyond all reason are no reason to give up a job
 }
 OUTSTANDING: Final = 24  # jobs under way at a time
 LAST_FAULT: Final = 0.8  # of the jobs: the rest is done in peace, so that the end is an end
@@ -98,10 +97,8 @@ class Campaign:
     def _measure(self, jobs: int, done: int, seconds: float) -> None:
         lines = self.logs.lines()
         starts = Counter(line.job_id for line in lines if line.action == "start")
-        kills = [
-            hit for hit in self.injectors.hits if hit.fault in {"kill_worker", "kill_child"} and hit.job_id
-        ]
-        recoveries = [s for hit in kills if (s := self.logs.recovery_s(str(hit.job_id), hit.at)) is not None]
+        kills = [hit for hit in self.injectors.hits if hit.fault.startswith("kill_") and hit.job_id]
+        recoveries = [r for hit in kills if (r := self.logs.recovery(str(hit.job_id), hit.at)) is not None]
         self.figures = {
             "jobs": jobs,
             "done": done,
@@ -112,12 +109,27 @@ class Campaign:
             "unanswered": self.ledger.unanswered,
             "fenced": self.logs.count("fenced"),
             "found_by_reconciler": sum(line.action.startswith("reconcile-") for line in lines),
-            "slowest_recovery_s": round(max(recoveries, default=0.0), 1),
+            "recoveries": len(recoveries),
+            "slowest_found_s": round(max((r.found for r in recoveries), default=0.0), 1),
+            "slowest_begun_s": round(max((r.begun for r in recoveries), default=0.0), 1),
+            "slowest_recovery_s": round(max((r.ours for r in recoveries), default=0.0), 1),
+            "longest_queued_s": round(max((r.queued for r in recoveries), default=0.0), 1),
+            "most_losses": self.most_losses(),
             **{
                 f"hits_{fault}": times
                 for fault, times in Counter(h.fault for h in self.injectors.hits).items()
             },
         }
+
+    def most_losses(self) -> int:
+        """Return how often the unluckiest job lost its worker, as far as the records know."""
+        losses = []
+        for job_id in self.ledger.acknowledged:
+            try:
+                losses.append(self.stack.stores.jobs.get(job_id).losses)
+            except JobsError:  # away, or lost and not rebuilt yet
+                continue
+        return max(losses, default=0)
 
     def _resumed(self, job_id: str) -> bool:
         """Whether a later attempt went on from what an earlier one had left."""

@@ -129,11 +129,14 @@ class Injectors:
         return True
 
     def _a_running_job(self) -> Job | None:
+        """Choose a victim among the jobs that may lose one more worker: what happens to poison is another test."""
         try:
             running = self.stack.stores.jobs.find(status=JobStatus.RUNNING, limit=10).items
         except StoreUnavailableError:
             return None
-        return self.rng.choice(running) if running else None
+        spared = {job.worker for job in running if job.losses >= self.stack.settings.max_losses}
+        victims = [job for job in running if job.worker not in spared]
+        return self.rng.choice(victims) if victims else None
 
     def _kill(self, fault: str, pid: int, job: Job) -> bool:
         if not _signal(pid, signal.SIGKILL):

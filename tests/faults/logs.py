@@ -1,4 +1,4 @@
-"""What the workers wrote, line by line: who began what, who ended it, who was told off."""
+"""What workers and API wrote, line by line: who began what, who ended it, who was told off."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
+from typing import Final
 
 
 @dataclass(frozen=True)
 class Line:
-    """One line about a job; `at` is seconds since the epoch."""
+    """One line about a job, or about all (no id); `at` is seconds since the epoch."""
 
     at: float
     action: str
@@ -19,9 +20,33 @@ class Line:
     message: str
 
 
+FOUND: Final = {"reconcile-lost", "reconcile-orphan", "lose", "hand-on", "rebuild"}
+
+
+@dataclass(frozen=True)
+class Recovery:
+    """What the time between the loss of a worker and the next one at work was made of, in seconds.
+
+    Attributes:
+        found: until the job was free again, and sent.
+        queued: in the queue, behind those that were lost before it, for want of a free worker.
+        begun: from the claim to the runner that computes.
+
+    """
+
+    found: float
+    queued: float
+    begun: float
+
+    @property
+    def ours(self) -> float:
+        """Without the wait for a free worker, which more workers would shorten."""
+        return self.found + self.begun
+
+
 @dataclass
 class Logs:
-    """All ``worker-*.log`` of a stack, read on from where the last look ended."""
+    """All ``worker-*.log`` and ``api*.log`` of a stack, read on from where the last look ended."""
 
     folder: Path
     _read: dict[Path, int] = field(default_factory=dict)
@@ -57,15 +82,23 @@ class Logs:
                         yield line.job_id
                     adopted.discard(line.job_id)
 
-    def recovery_s(self, job_id: str, at: float) -> float | None:
-        """Return how long after a moment a job was sent or begun again; None if it was not."""
+    def recovery(self, job_id: str, at: float) -> Recovery | None:
+        """Return how a job that lost its worker at a moment came to be computed again; None if it was not."""
+        found = claimed = None
         for line in self.lines():
-            if line.job_id == job_id and line.at > at and line.action in {"reconcile-lost", "start"}:
-                return line.at - at
+            if line.at <= at or line.job_id not in {job_id, ""}:
+                continue
+            if line.action in FOUND:
+                found, claimed = found or line.at, None  # what was claimed before was lost as well
+            elif line.action == "claim":
+                claimed = line.at
+            elif line.action == "start" and claimed is not None:
+                found = min(found or claimed, claimed)
+                return Recovery(found - at, claimed - found, line.at - claimed)
         return None
 
     def _look(self) -> None:
-        for path in self.folder.glob("worker-*.log"):
+        for path in [*self.folder.glob("worker-*.log"), *self.folder.glob("api*.log")]:
             with path.open("rb") as file:
                 file.seek(self._read.get(path, 0))
                 content = file.read()
@@ -78,7 +111,10 @@ def _parsed(text: bytes) -> Line | None:
     try:
         line = json.loads(text)
         return Line(
-            datetime.fromisoformat(line["time"]).timestamp(), line["action"], line["job_id"], line["message"]
+            datetime.fromisoformat(line["time"]).timestamp(),
+            line["action"],
+            line.get("job_id", ""),
+            line["message"],
         )
     except (ValueError, KeyError, TypeError):  # of a program killed in the middle of it, or about no job
         return None

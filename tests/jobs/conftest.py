@@ -9,6 +9,7 @@ import pytest
 from spherify.stores.memory import MemoryJobStore
 from spherify.stores.memory_blobs import MemoryBlobStore
 from spherify.stores.memory_meshes import MemoryJobQueue, MemoryMeshStore
+from spherify.stores.memory_repeats import MemoryRepeatStore
 from tests.jobs.examples import mesh_record
 from tests.jobs.world import World
 
@@ -19,4 +20,5 @@ def world(tmp_path: Path) -> World:
     jobs = MemoryJobStore(lease_s=30, max_losses=1, clock=lambda: now[0])
     meshes = MemoryMeshStore(jobs)
     meshes.add(mesh_record())
-    return World(jobs, meshes, MemoryBlobStore(tmp_path), MemoryJobQueue(), now)
+    repeats = MemoryRepeatStore(lambda: now[0])
+    return World(jobs, meshes, MemoryBlobStore(tmp_path), MemoryJobQueue(), repeats, now)

@@ -10,7 +10,16 @@ from spherify.geometry.schedule import SnapshotPlan
 from spherify.jobs import layout
 from spherify.jobs.codec import dump_record
 from spherify.jobs.ids import job_id_at, new_job_id
-from spherify.jobs.model import JobError, JobSpec, JobStatus, MeshRecord, Outcome, Progress, Snapshot
+from spherify.jobs.model import (
+    JobError,
+    JobSpec,
+    JobStatus,
+    MeshRecord,
+    Outcome,
+    Progress,
+    RequestKey,
+    Snapshot,
+)
 from spherify.jobs.ports import BlobStore, MeshStore
 from spherify.jobs.results import Result
 from spherify.parameters import resolve
@@ -44,6 +53,7 @@ def job_spec(
     mesh_id: str = MESH_ID,
     tags: tuple[str, ...] = (),
     at: float | None = None,
+    request: RequestKey | None = None,
     **overrides: object,
 ) -> JobSpec:
     """Return a spec with a new id, or one of a given time."""
@@ -62,6 +72,7 @@ def job_spec(
         parameters=parameters.model_dump(mode="json"),
         snapshots_requested=plan.iterations,
         created_at=created_at,
+        request=request,
     )
 
 

@@ -12,19 +12,24 @@ import pytest
 import redis
 
 from spherify.jobs import inventory, layout
+from spherify.jobs.accounts import write_account
 from spherify.jobs.cancel import cancel
 from spherify.jobs.codec import dump_record
+from spherify.jobs.continuation import extension
 from spherify.jobs.delete import delete_job, delete_mesh
 from spherify.jobs.errors import (
     JobGoneError,
     JobNotFoundError,
+    KeyReusedError,
     MeshNotFoundError,
     StoreUnavailableError,
 )
+from spherify.jobs.ids import new_job_id
 from spherify.jobs.inventory import Inventory
-from spherify.jobs.model import JobError, JobSpec, JobStatus, Outcome, Progress, Snapshot
+from spherify.jobs.model import JobError, JobSpec, JobStatus, Outcome, Progress, RequestKey, Snapshot
 from spherify.jobs.ports import CancelOutcome
 from spherify.jobs.rebuild import Stock, rebuild
+from spherify.jobs.repeats import Beginning
 from spherify.jobs.results import Result, write_result
 from spherify.jobs.settle import settle
 from spherify.jobs.submit import submit
@@ -32,6 +37,7 @@ from spherify.settings import Settings
 from spherify.stores import keys
 from spherify.stores.connect import open_stores
 from spherify.stores.embedded import EmbeddedServer
+from spherify.stores.repeats import KEPT_S
 from tests.jobs.examples import MESH_ID, job_spec, mesh_record
 
 ROWS = [{"iteration": 0, "sphericity": 0.5}, {"iteration": 3, "sphericity": 0.1 + 0.2}]
@@ -56,9 +62,9 @@ def submitted(stock: Stock, **changes: object) -> JobSpec:
     return spec
 
 
-def ended(stock: Stock, outcome: Outcome) -> JobSpec:
+def ended(stock: Stock, outcome: Outcome, **changes: object) -> JobSpec:
     """Submit a job and let a worker's part be played to its end."""
-    spec = submitted(stock, tags=("a", "b"))
+    spec = submitted(stock, tags=("a", "b"), **changes)
     token = stock.jobs.claim(spec.id, "w").token
     snapshots = (Snapshot(0, "k", "s", 1, {"sphericity": 0.5}, 1.0), Snapshot(3, "l", "t", 2, {}, 2.0))
     progress = Progress(3, 3, 1.5, 0.0, 2.0)
@@ -123,6 +129,53 @@ def test_a_job_that_had_not_ended_waits_again_with_a_token_beyond_all_others(
     assert not stock.jobs.report(early.id, token, Progress(1, 3))  # the attempt of before is fenced
     assert stock.jobs.claim(early.id, "w").token > time.time() * 1000 - 60_000
     assert stock.jobs.claim(late.id, "w").token == future + 2
+
+
+def test_what_attempts_have_cost_is_not_forgotten(stock: Stock, lose: Callable[[], object]) -> None:
+    """So neither poison nor a job beyond its limit begins anew, however often the records are lost."""
+    spec, young = submitted(stock), submitted(stock)
+    first = stock.jobs.claim(spec.id, "w")
+    write_account(stock.blobs, spec.id, first)
+    stock.jobs.lose(spec.id, first.token)
+    second = replace(stock.jobs.claim(spec.id, "w"), spent_s=100.0)
+    write_account(stock.blobs, spec.id, second)
+    write_account(stock.blobs, spec.id, second)  # the answer came twice
+    key = layout.numbered(layout.checkpoints(spec.id), second.token, 7)
+    stock.blobs.create(key, b"")
+    with stock.blobs.open(key) as file:
+        path = file.name
+    began = stock.blobs.stat(layout.account(spec.id, second.token))
+    assert began is not None
+    os.utime(path, (began.created_at + 20, began.created_at + 20))
+    lose()
+    rebuild(stock)
+    job = stock.jobs.get(spec.id)
+    assert (job.attempt, job.losses) == (2, 1)
+    claim = stock.jobs.claim(spec.id, "w")
+    assert claim.spent_s == pytest.approx(120.0, abs=0.01)
+    assert (claim.attempt, claim.losses) == (3, 1)
+    assert stock.jobs.claim(young.id, "w").spent_s == 0
+
+
+def test_a_key_comes_back_with_its_job_for_the_rest_of_its_day(
+    stock: Stock, lose: Callable[[], object], client: redis.Redis
+) -> None:
+    now = time.time()
+    fresh = submitted(stock, at=now - 3600, request=RequestKey("fresh", "f"))
+    done = ended(stock, Outcome(JobStatus.SUCCESSFUL), request=RequestKey("done", "g"))
+    submitted(stock, at=now - KEPT_S - 1, request=RequestKey("old", "h"))
+    child = extension(stock.jobs.get(done.id), new_job_id()[0], 5, "")
+    assert child.request is None, "a key is the name of one job"
+    lose()
+    with pytest.raises(StoreUnavailableError):  # it may be among those that come back
+        stock.repeats.begin("fresh", "f", "another")
+    rebuild(stock)
+    assert set(client.scan_iter(keys.repeat("*"))) == {keys.repeat("fresh"), keys.repeat("done")}
+    assert client.ttl(keys.repeat("fresh")) == pytest.approx(KEPT_S - 3600, abs=30)
+    with pytest.raises(KeyReusedError):
+        stock.repeats.begin("fresh", "something else", "another")
+    assert stock.repeats.begin("fresh", "f", "another") == Beginning(fresh.id)
+    assert stock.repeats.begin("done", "g", "another") == Beginning(done.id)
 
 
 def test_what_was_deleted_stays_deleted(stock: Stock, lose: Callable[[], object]) -> None:

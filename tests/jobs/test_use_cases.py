@@ -22,7 +22,7 @@ from spherify.jobs.errors import (
 from spherify.jobs.ids import earliest_job_id, is_job_id, job_id_at, new_job_id
 from spherify.jobs.model import JobStatus, Outcome
 from spherify.jobs.orphans import Orphans
-from spherify.jobs.ports import CancelOutcome
+from spherify.jobs.ports import CancelOutcome, Renewal
 from spherify.jobs.reconcile import Reconciler, sweep_scratch
 from spherify.jobs.results import Result, publish_result, read_result, write_result
 from spherify.jobs.submit import submit
@@ -32,7 +32,7 @@ from tests.jobs.world import World
 
 
 class BrokenQueue(MemoryJobQueue):
-    def send(self, job_id: str) -> None:
+    def send(self, job_id: str, *, ahead: bool = False) -> None:
         raise StoreUnavailableError
 
 
@@ -106,6 +106,26 @@ def test_a_job_whose_lease_ran_out_is_sent_again_until_it_is_poison(world: World
         world.now[0] += 31
         assert reconciler.scan().lost == expected
     assert world.jobs.get(spec.id).status is JobStatus.FAILED
+
+
+def test_a_lease_that_ran_out_while_the_server_was_away_is_no_loss(world: World) -> None:
+    spec, other = job_spec(), job_spec()
+    reconciler = Reconciler(world.stock, orphan_s=15)
+    for one in (spec, other):
+        submit(world.jobs, world.blobs, world.queue, one)
+    for _ in range(3):  # the cap is one loss
+        tokens = [world.jobs.claim(one.id, "w").token for one in (spec, other)]
+        world.now[0] += 60
+        reconciler.after_outage()
+        assert reconciler.scan().lost == (), "workers get the time to say that they live"
+        assert world.jobs.renew(other.id, tokens[1]) is Renewal.HELD
+        assert reconciler.scan().lost == (spec.id,)
+        assert world.jobs.get(spec.id).losses == 0
+        assert world.jobs.release(other.id, tokens[1])
+    world.jobs.claim(spec.id, "w")
+    world.now[0] += 60
+    assert reconciler.scan().lost == (spec.id,)
+    assert world.jobs.get(spec.id).losses == 1, "and then they count again"
 
 
 def test_a_waiting_job_is_cancelled_for_good(world: World) -> None:

@@ -8,6 +8,7 @@ from spherify.jobs.rebuild import Stock
 from spherify.stores.memory import MemoryJobStore
 from spherify.stores.memory_blobs import MemoryBlobStore
 from spherify.stores.memory_meshes import MemoryJobQueue, MemoryMeshStore
+from spherify.stores.memory_repeats import MemoryRepeatStore
 
 
 @dataclass
@@ -16,8 +17,9 @@ class World:
     meshes: MemoryMeshStore
     blobs: MemoryBlobStore
     queue: MemoryJobQueue
+    repeats: MemoryRepeatStore
     now: list[float]
 
     @property
     def stock(self) -> Stock:
-        return Stock(self.jobs, self.meshes, self.blobs, self.queue)
+        return Stock(self.jobs, self.meshes, self.blobs, self.queue, self.repeats)

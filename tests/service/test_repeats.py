@@ -10,6 +10,7 @@ import pytest
 
 import service.routes.jobs
 from spherify.jobs.errors import RequestInProgressError, StoreUnavailableError
+from spherify.jobs.rebuild import rebuild
 from spherify.stores import keys
 from spherify.stores.connect import Stores
 from spherify.stores.repeats import RedisRepeatStore
@@ -124,6 +125,20 @@ def test_uploads_of_a_mesh_have_keys_too(client: httpx.Client, stores: Stores, k
     problem(send(stretched(2.5)), 422, "idempotency-key-reused")
 
 
+def test_a_key_outlives_the_loss_of_the_records(
+    client: httpx.Client, stores: Stores, known: str, key: str
+) -> None:
+    first = submit(client, key).json()["id"]
+    stores.client.flushdb()
+    problem(submit(client, key), 503, "not-ready")  # it may be among those that are coming back
+    assert rebuild(stores.stock)
+    again = submit(client, key)
+    assert (again.status_code, again.json()["id"]) == (201, first)
+    assert submit(client, key).headers["idempotent-replayed"] == "true"
+    problem(submit(client, key, iterations="11"), 422, "idempotency-key-reused")
+    assert jobs(client) == 1
+
+
 @pytest.mark.parametrize("bad", ["", "a b", "x" * 256, "\x7f"])
 def test_what_is_no_key_is_refused(client: httpx.Client, known: str, bad: str) -> None:
     problem(submit(client, bad), 422, "invalid-parameters")
@@ -153,6 +168,6 @@ def test_whoever_died_over_a_request_leaves_its_identity(stores: Stores) -> None
 
     until(taken_up)
     assert found == ["one"]
-    stores.client.flushdb()
+    stores.client.delete(keys.repeat("k"))
     stores.repeats.answered("k", "an answer to nothing")  # lost meanwhile
     assert stores.repeats.begin("k", "g", "four").identity == "four"

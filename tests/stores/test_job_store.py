@@ -283,6 +283,18 @@ def test_a_job_that_loses_too_many_workers_fails(jobs: JobStore, forgetful: JobS
     assert forgetful.claim(job_id, "w") == Claim(ClaimOutcome.DONE)
 
 
+def test_a_lease_that_ran_out_without_a_fault_is_not_counted(jobs: JobStore, forgetful: JobStore) -> None:
+    job_id, cancelled = jobs.add(job_spec()).id, jobs.add(job_spec()).id
+    for _ in range(3):  # one loss is allowed
+        forgetful.claim(job_id, "w")
+        assert forgetful.lost(counted=False) == [job_id]
+    assert (jobs.get(job_id).status, jobs.get(job_id).losses) == (JobStatus.ACCEPTED, 0)
+    forgetful.claim(cancelled, "w")
+    jobs.request_cancel(cancelled)
+    assert forgetful.lost(counted=False) == []
+    assert jobs.get(cancelled).status is JobStatus.CANCELLED
+
+
 def test_poison_is_found_without_a_claim(jobs: JobStore, forgetful: JobStore) -> None:
     job_id = jobs.add(job_spec()).id
     forgetful.claim(job_id, "w")

@@ -98,9 +98,9 @@ def test_every_life_of_a_job_is_the_same_in_both_stores(client: redis.Redis) -> 
         def cancel(self, job_id: str) -> None:
             assert self.real.request_cancel(job_id) == self.twin.request_cancel(job_id)
 
-        @rule()
-        def lost(self) -> None:
-            assert sorted(self.real.lost()) == sorted(self.twin.lost())
+        @rule(counted=st.booleans())
+        def lost(self, counted: bool) -> None:
+            assert sorted(self.real.lost(counted=counted)) == sorted(self.twin.lost(counted=counted))
 
         @rule(job_id=consumes(ids))
         def delete(self, job_id: str) -> None:

@@ -56,19 +56,42 @@ def test_messages_of_others_are_counted_and_not_read(queue: CeleryJobQueue, clie
     for job_id in ids:
         queue.send(job_id)
     others = ("no JSON", "7", "[]", '{"headers": 1}', '{"headers": {}}', '{"headers": {"id": null}}')
-    client.lpush(keys.QUEUE, *others)
+    client.lpush(keys.QUEUE_USUAL, *others)
     assert queue.pending() == [""] * len(others) + ids[::-1]
     assert queue.pending(4, 3) == ["", "", ids[4]]
     assert queue.pending(20, 3) == []
     assert queue.length() == 11
 
 
+def test_what_waited_before_is_taken_first(
+    server: EmbeddedServer, queue: CeleryJobQueue, client: redis.Redis
+) -> None:
+    usual, ahead = [new_job_id()[0] for _ in range(3)], [new_job_id()[0] for _ in range(2)]
+    for job_id in usual:
+        queue.send(job_id)
+    for job_id in ahead:
+        queue.send(job_id, ahead=True)
+    order = [*ahead, *usual]
+    assert queue.pending() == order[::-1]
+    assert [queue.pending(i, 1) for i in range(6)] == [[job_id] for job_id in order[::-1]] + [[]]
+    assert queue.pending(1, 3) == order[::-1][1:4]
+    assert queue.length() == 5
+    consumer = Celery(broker=broker_url(server.url), set_as_current=False)
+    consumer.conf.broker_transport_options = transport(server.url)
+    with consumer.connection() as connection, connection.SimpleQueue(keys.QUEUE) as box:
+        taken = [box.get(timeout=5) for _ in order]
+        for message in taken:
+            message.ack()
+    assert [message.headers["id"] for message in taken] == order
+    consumer.close()
+
+
 def test_a_message_names_its_job_and_nothing_else(queue: CeleryJobQueue, client: redis.Redis) -> None:
     job_id = new_job_id()[0]
     queue.send(job_id)
-    assert client.llen(keys.QUEUE) == 1
+    assert client.llen(keys.QUEUE_USUAL) == 1
     # Celery's own bindings, and nothing that grows
-    known = {keys.QUEUE, keys.EPOCH}
+    known = {keys.QUEUE_USUAL, keys.EPOCH}
     others = [key for key in client.keys("*") if key not in known and not key.startswith("_kombu.binding")]
     assert others == []
 

@@ -62,13 +62,10 @@ def log_lines(stack: Stack, job_id: str) -> list[dict[str, object]]:
     return [line for line in parsed if line.get("job_id") == job_id]
 
 
-def actions(stack: Stack, job_id: str) -> list[object]:
-    """Return what the log says of a job, without second deliveries: on a busy machine it may be sent again."""
-    return [
-        line["action"]
-        for line in log_lines(stack, job_id)
-        if line["action"] not in {"drop", "reconcile-orphan"}
-    ]
+def actions(stack: Stack, job_id: str) -> list[str]:
+    """Return what the log says of a job, but for the reconciler and the second deliveries that come of it."""
+    found = [str(line["action"]) for line in log_lines(stack, job_id)]
+    return [action for action in found if action != "drop" and not action.startswith("reconcile-")]
 
 
 def runner_of(stack: Stack, job_id: str) -> int:

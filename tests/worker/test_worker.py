@@ -39,7 +39,7 @@ def test_a_job_ends_with_what_the_flow_yields(stack: Stack) -> None:
     for snapshot in job.snapshots:
         arrays = load_arrays(stack.stores.blobs.read(snapshot.key))
         assert arrays["vertices"].tobytes() == states[snapshot.iteration].vertices.tobytes()
-    wait_for(lambda: actions(stack, job.id) == ["start", "commit"])  # the line follows the record
+    wait_for(lambda: actions(stack, job.id) == ["claim", "start", "commit"])  # the line follows the record
 
 
 def test_a_collapse_fails_and_keeps_its_best_state(stack: Stack) -> None:

@@ -48,17 +48,19 @@ local function held(token) -- whether this attempt is the present one and still 
   return (status == 'running' or status == 'cancelling') and field('token') == token
 end
 
-local function requeue() -- arrow c
-  redis.call('ZADD', QUEUED, field('queued_at'), ID)
-  move('accepted')
-end
-
--- Arrow c with a count, or the end of a job that lost too many workers. Returns the new status.
-local function lose(max_losses)
+local function hand_on() -- arrow c without a count, or f. Returns the new status.
   if field('status') == 'cancelling' then
     finish_cancelled()
     return 'cancelled'
   end
+  redis.call('ZADD', QUEUED, field('queued_at'), ID)
+  move('accepted')
+  return 'accepted'
+end
+
+-- Arrow c with a count, or the end of a job that lost too many workers. Returns the new status.
+local function lose(max_losses)
+  if field('status') == 'cancelling' then return hand_on() end
   local losses = redis.call('HINCRBY', JOB, 'losses', 1)
   if losses > max_losses then
     redis.call('HSET', JOB, 'error', cjson.encode({code = 'worker-lost', detail =
@@ -66,6 +68,5 @@ local function lose(max_losses)
     finish('failed')
     return 'failed'
   end
-  requeue()
-  return 'accepted'
+  return hand_on()
 end
