@@ -2,27 +2,56 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Final
+from collections.abc import Iterator, Mapping
+from importlib import import_module
+from typing import Annotated, Any, Final
 
 import typer
+from typer.core import TyperGroup
 
 from spherify import __version__
-from spherify.cli.demo import demo
-from spherify.cli.morph import morph
-from spherify.cli.samples import samples
-from spherify.cli.submit import submit
-from spherify.cli.up import up
+
+COMMANDS: Final = ("up", "demo", "morph", "submit", "samples")
+_STYLE: Final[dict[str, Any]] = {
+    "rich_markup_mode": None,
+    "pretty_exceptions_enable": False,
+    "context_settings": {"help_option_names": ["-h", "--help"]},
+}
+
+
+class _OnDemand(Mapping[str, Any]):
+    """The commands by name; each file is imported when its command is asked for.
+
+    What `up` and `demo` need of the service takes as long to import as all that `morph` does with a small mesh.
+    """
+
+    def __getitem__(self, name: str) -> Any:  # noqa: ANN401 - typer's own copy of click
+        if name not in COMMANDS:
+            raise KeyError(name)
+        alone = typer.Typer(add_completion=False, **_STYLE)
+        alone.command(name)(getattr(import_module(f"spherify.cli.{name}"), name))
+        return typer.main.get_command(alone)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(COMMANDS)
+
+    def __len__(self) -> int:
+        return len(COMMANDS)
+
+
+class _Group(TyperGroup):
+    def __init__(self, **options: Any) -> None:  # noqa: ANN401 - as above
+        super().__init__(**options)
+        self.commands = _OnDemand()  # type: ignore[assignment] # it is only read
+
 
 app: Final = typer.Typer(
     name="spherify",
+    cls=_Group,
     help="Morph triangle meshes into round spheres by Vartziotis's curvature transformation.",
     no_args_is_help=True,
-    rich_markup_mode=None,
-    pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
+    **_STYLE,
 )
-for command in (up, demo, morph, submit, samples):
-    app.command()(command)
 
 
 def _version(wanted: bool) -> None:
