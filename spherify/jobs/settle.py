@@ -11,7 +11,7 @@ from spherify.jobs.rows import Row
 
 
 def settle(jobs: JobStore, blobs: BlobStore, job_id: str) -> None:
-    """Leave an ended job with a ``result.json`` and no checkpoints, and a deleted one without files.
+    """Leave an ended job with a ``result.json`` and its snapshots only, and a deleted one without files.
 
     May be repeated, by anybody; the reconciler does it for everyone who did not.
 
@@ -30,6 +30,8 @@ def settle(jobs: JobStore, blobs: BlobStore, job_id: str) -> None:
                 write_result(blobs, _result_of(job, jobs.metrics(job_id)))
             remove_folder(blobs, layout.checkpoints(job_id))
             remove_folder(blobs, layout.attempts(job_id))
+            if job.attempt > 1:
+                _remove_superseded(blobs, job)
             settled = jobs.settled(job_id, deleted=False)
         except JobGoneError:
             remove_folder(blobs, layout.job_folder(job_id))
@@ -39,6 +41,14 @@ def settle(jobs: JobStore, blobs: BlobStore, job_id: str) -> None:
 def remove_folder(blobs: BlobStore, prefix: str) -> int:
     """Remove every blob below a prefix and return how many there were."""
     return sum(blobs.delete(stat.key) for stat in list(blobs.list(prefix)))
+
+
+def _remove_superseded(blobs: BlobStore, job: Job) -> None:
+    """Remove the snapshots of earlier attempts that a later one made once more, to the same bytes."""
+    kept = {snapshot.iteration: snapshot.key for snapshot in job.snapshots}
+    for stat in list(blobs.list(layout.snapshots(job.id))):
+        if kept.get(layout.numbers(stat.key)[1], stat.key) != stat.key:
+            blobs.delete(stat.key)
 
 
 def _result_of(job: Job, rows: list[Row]) -> Result:

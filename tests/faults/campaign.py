@@ -52,14 +52,30 @@ class Campaign:
     figures: dict[str, float] = field(default_factory=dict)
 
     def run(
-        self, specimens: list[Specimen], jobs: int, faults: Mapping[str, int], *, limit_s: float
+        self,
+        specimens: list[Specimen],
+        jobs: int,
+        faults: Mapping[str, int],
+        *,
+        limit_s: float,
+        every_s: float = 0.0,
     ) -> Verdict:
-        """Submit so many jobs under so many faults of each kind, and judge what has become of them."""
+        """Submit so many jobs under so many faults of each kind, and judge what has become of them.
+
+        Args:
+            specimens: what is submitted, as the seed chooses.
+            jobs: how many.
+            faults: how many of each kind.
+            limit_s: after which it is given up.
+            every_s: least time between two jobs, for a campaign that is to last.
+
+        """
         kinds = [kind for kind, times in faults.items() for _ in range(times)]
         self.rng.shuffle(kinds)
         due_at = sorted(self.rng.uniform(0, LAST_FAULT * jobs) for _ in kinds)
         orders = [(f"{self.rng.getrandbits(64):x}", self.rng.choice(specimens)) for _ in range(jobs)]
-        plan = list(zip(due_at, kinds, strict=True))
+        earlier = len(self.ledger.acknowledged)
+        plan = [(earlier + at, kind) for at, kind in zip(due_at, kinds, strict=True)]
         done: set[str] = set()
         began = monotonic()
 
@@ -68,7 +84,13 @@ class Campaign:
             if plan and len(done) >= plan[0][0] and self.injectors.strike(plan[0][1]):
                 plan.pop(0)
             under_way = len(self.ledger.acknowledged) - len(done)
-            if orders and under_way < OUTSTANDING and self.ledger.submit(orders[-1][1], orders[-1][0]):
+            due = monotonic() - began >= every_s * (jobs - len(orders))
+            if (
+                orders
+                and due
+                and under_way < OUTSTANDING
+                and self.ledger.submit(orders[-1][1], orders[-1][0])
+            ):
                 orders.pop()
             done.update(filter(self._is_done, self.ledger.acknowledged.keys() - done))
             return not (orders or plan or self.injectors.later) and len(done) == len(self.ledger.acknowledged)

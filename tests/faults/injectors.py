@@ -38,6 +38,7 @@ class Injectors:
     logs: Logs
     rng: random.Random
     proxy: ChaosProxy | None = None
+    spared: str = ""  # name of a worker that nothing strikes
     hits: list[Hit] = field(default_factory=list)
     later: list[tuple[float, Callable[[], object]]] = field(default_factory=list)
 
@@ -135,7 +136,7 @@ class Injectors:
         except StoreUnavailableError:
             return None
         spared = {job.worker for job in running if job.losses >= self.stack.settings.max_losses}
-        victims = [job for job in running if job.worker not in spared]
+        victims = [job for job in running if job.worker not in spared and _worker_of(job) != self.spared]
         return self.rng.choice(victims) if victims else None
 
     def _kill(self, fault: str, pid: int, job: Job) -> bool:

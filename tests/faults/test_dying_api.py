@@ -7,10 +7,12 @@ import sys
 from functools import partial
 from pathlib import Path
 
+import pytest
+
 from spherify.jobs import layout
 from spherify.jobs.model import JobStatus
 from spherify.jobs.reconcile import sweep_scratch
-from tests.faults.campaign import SHORT
+from tests.faults.campaign import SHORT, say
 from tests.faults.ledger import Ledger, Verdict, judge
 from tests.faults.logs import Logs
 from tests.faults.specimens import Specimen, specimen
@@ -86,6 +88,14 @@ def kill_at_every_step(folder: Path, rounds: int) -> dict[str, int]:
             "known": len(known),
             "left": left,
         }
+
+
+@pytest.mark.drill
+@pytest.mark.timeout(3600)
+def test_thirty_deaths_at_every_step(tmp_path: Path) -> None:
+    figures = kill_at_every_step(tmp_path, rounds=30)
+    say(f"dying API: {figures}")
+    assert figures["acknowledged"] >= 30 * len(STEPS) // 2
 
 
 def test_whatever_step_the_api_dies_at_no_promise_is_broken(tmp_path: Path) -> None:

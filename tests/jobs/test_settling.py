@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from spherify.jobs import layout, reconcile
+from spherify.jobs.accounts import write_account
 from spherify.jobs.cancel import cancel
 from spherify.jobs.delete import delete_job
 from spherify.jobs.errors import (
@@ -15,8 +16,8 @@ from spherify.jobs.errors import (
     StorageFullError,
 )
 from spherify.jobs.ids import new_job_id
-from spherify.jobs.model import Progress, Snapshot
-from spherify.jobs.ports import BlobStat, CancelOutcome
+from spherify.jobs.model import JobStatus, Outcome, Progress, Snapshot
+from spherify.jobs.ports import BlobStat, CancelOutcome, Claim, ClaimOutcome
 from spherify.jobs.reconcile import Reconciler
 from spherify.jobs.results import read_result, write_result
 from spherify.jobs.settle import settle
@@ -28,6 +29,31 @@ from tests.jobs.world import World
 
 def settled(world: World) -> tuple[str, ...]:
     return Reconciler(world.stock, orphan_s=15).scan().settled
+
+
+def test_what_a_later_attempt_made_once_more_is_kept_once(world: World) -> None:
+    spec = job_spec(iterations=9, snapshots="3,6")
+    submit(world.jobs, world.blobs, world.queue, spec)
+    folder = layout.snapshots(spec.id)
+    first = world.jobs.claim(spec.id, "w").token
+    write_account(world.blobs, spec.id, Claim(ClaimOutcome.CLAIMED, first))
+    for iteration in (0, 3, 6):
+        world.blobs.create(layout.numbered(folder, first, iteration), b"")
+    world.jobs.lose(spec.id, first)
+    second = world.jobs.claim(spec.id, "w").token
+    kept = {0: first, 3: second, 6: second, 9: second}  # it went on from 0, as 3 was damaged
+    for iteration, token in kept.items():
+        key = layout.numbered(folder, token, iteration)
+        if token == second:
+            world.blobs.create(key, b"")
+        world.jobs.add_snapshot(spec.id, second, Snapshot(iteration, key, "s", 1, {}, 1.0))
+    hindsight = layout.numbered(folder, second, 7)
+    world.blobs.create(hindsight, b"")  # what no record names is not judged
+    world.jobs.commit(spec.id, second, Outcome(JobStatus.SUCCESSFUL, "iterations", None, 9, 9))
+    assert settled(world) == (spec.id,)
+    names = {stat.key for stat in world.blobs.list(layout.job_folder(spec.id))}
+    kept_keys = {layout.numbered(folder, token, iteration) for iteration, token in kept.items()}
+    assert names == {layout.spec(spec.id), layout.result(spec.id), hindsight, *kept_keys}
 
 
 def checkpoint(world: World, job_id: str) -> None:
