@@ -12,6 +12,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from tests.architecture.source import ROOT
+from tests.e2e.api import Api
 from tests.stack import Stack, wait_for
 
 EXAMPLE = ROOT / "docs" / "embedding.html"
@@ -36,9 +37,10 @@ def elsewhere(tmp_path: Path) -> Iterator[tuple[Path, str]]:
 
 
 def test_the_example_page_shows_a_run_and_hears_of_it(
-    page: Page, stack: Stack, run: str, elsewhere: tuple[Path, str]
+    page: Page, stack: Stack, api: Api, run: str, elsewhere: tuple[Path, str]
 ) -> None:
     folder, address = elsewhere
+    last = str(api.job(run)["snapshots"]["available"][-1])
     example = EXAMPLE.read_text("utf-8")
     assert "http://localhost:8000" in example
     example = example.replace("http://localhost:8000", stack.url).replace(
@@ -51,6 +53,8 @@ def test_the_example_page_shows_a_run_and_hears_of_it(
     page.evaluate("document.querySelector('spherify-viewer').setAttribute('iteration', '20')")
     expect(frame.locator(".readout b")).to_have_text("20")
     wait_for(lambda: page.locator("output").inner_text() == "iteration 20", what="the page hears of it")
+    page.evaluate("document.querySelector('spherify-viewer').removeAttribute('iteration')")
+    expect(frame.locator(".readout b")).to_have_text(last)
     page.evaluate("document.querySelector('spherify-viewer').setAttribute('color', 'quality')")
     expect(frame.get_by_label("Legend: Triangle quality")).to_be_visible()
     page.evaluate("document.querySelector('spherify-viewer').play()")

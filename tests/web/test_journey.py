@@ -21,6 +21,12 @@ def test_from_a_file_to_a_shared_link(
     page.goto(stack.url)
     expect(page.get_by_role("heading", level=1)).to_have_text("See a mesh become a sphere")
 
+    # a shape that the service builds
+    page.get_by_role("button", name="Quadruped", exact=True).first.click()
+    expect(page).to_have_url(re.compile(r"\?mesh=mesh_\w+&up=z"))
+    expect(page.get_by_role("heading", name="quadruped.ply")).to_be_visible()
+    page.get_by_role("link", name="Spherify").click()
+
     # a file: preview, report, form
     page.locator("input[type=file]").set_input_files(
         {"name": "cat.obj", "mimeType": "model/obj", "buffer": animal}
@@ -86,12 +92,19 @@ def test_from_a_file_to_a_shared_link(
     expect(page.get_by_label("Legend: Curvature")).to_be_visible()
     settled(page)
 
-    # the files are the API's, byte for byte
-    for name, suffix in (("Result as PLY", "final.ply"), ("Result as GLB", "final.glb")):
+    # the files are the API's, byte for byte, with the colours that are shown and their range
+    for name, suffix in (("Result as PLY", "final.ply?color=curvature"), ("Result as STL", "final.stl")):
         with page.expect_download() as download:
             page.get_by_role("link", name=name).click()
         served = api.http.get(f"/v1/jobs/{job_id}/snapshots/{suffix}").content
         assert Path(download.value.path()).read_bytes() == served
+    ends = page.locator(".legend .ends span").all_inner_texts()
+    coloured = api.http.get(f"/v1/jobs/{job_id}/snapshots/final.ply?color=curvature").content
+    said = re.search(rb"from (\S+) to (\S+)", coloured)
+    assert said is not None
+    assert [f"{float(number):.3g}" for number in said.groups()] == [
+        end.replace("\N{MINUS SIGN}", "-") for end in (ends[0], ends[-1])
+    ]
     with page.expect_download() as download:
         page.get_by_role("button", name="Picture", exact=True).last.click()
     assert Path(download.value.path()).read_bytes().startswith(b"\x89PNG")

@@ -9,7 +9,7 @@ import httpx
 import numpy as np
 import pytest
 from PIL import Image
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, expect
 
 from tests.e2e.api import Api
 from tests.e2e.test_readme import BOX_WITHOUT_A_LID
@@ -52,6 +52,44 @@ def test_what_cannot_be_read_is_said_in_the_services_words(
     page.locator("input[type=file]").set_input_files(nothing)
     expect(page.get_by_role("alert")).to_contain_text("The file has no faces")
     expect(page.locator(".note")).to_contain_text("No preview")
+
+
+def test_the_same_bytes_under_another_name_have_that_name_here(
+    page: Page, stack: Stack, api: Api, animal: bytes
+) -> None:
+    first = api.http.post("/v1/meshes", files={"file": ("first.obj", animal + b"# once more\n")}).json()
+    page.goto(stack.url)
+    again = {"name": "my second.obj", "mimeType": "model/obj", "buffer": animal + b"# once more\n"}
+    page.locator("input[type=file]").set_input_files(again)
+    expect(page).to_have_url(f"{stack.url}/?mesh={first['id']}&up=y&name=my+second.obj")
+    expect(page.get_by_role("heading", name="my second.obj")).to_be_visible()
+    expect(page.get_by_label("Name", exact=True)).to_have_value("my second")
+
+
+def test_a_run_is_followed_although_its_events_cannot_be_had_at_first(
+    page: Page, complaints: Complaints, stack: Stack, api: Api, stone: bytes
+) -> None:
+    complaints.expect(NETWORK)
+    refused: list[str] = []
+
+    def busy(route: Route) -> None:
+        refused.append(route.request.url)
+        if len(refused) > 2:
+            route.continue_()
+            return
+        route.fulfill(
+            status=503, headers={"Retry-After": "1"}, content_type="application/problem+json", body="{}"
+        )
+
+    page.route("**/events", busy)
+    fields = {"preset": "paper", "iterations": "900000", "name": "busy"}
+    job = api.http.post("/v1/jobs", files={"file": ("stone.obj", stone)}, data=fields).json()
+    page.goto(f"{stack.url}/?job={job['id']}")
+    expect(page.get_by_text("asking every second")).to_be_visible()
+    expect(page.get_by_text("asking every second")).to_have_count(0)
+    assert len(refused) == 3
+    page.get_by_role("button", name="Cancel").click()
+    expect(status(page)).to_have_text("Cancelled")
 
 
 def test_an_address_of_nothing_says_so(page: Page, complaints: Complaints, stack: Stack) -> None:

@@ -1,20 +1,19 @@
 import { html, nothing, render, type TemplateResult } from 'lit-html';
 import { Catalogue } from './api/catalogue';
 import { Api } from './api/client';
+import { asProblem } from './api/problem';
 import { formatRoute, parseRoute, type Route } from './core/route';
 import { MeshWorker } from './mesh/pool';
 import { takeDrops } from './ui/dropzone';
 import { icon } from './ui/icons';
 import { nextTheme, theme } from './ui/theme';
 import { Toasts } from './ui/toast';
-import { Thumbnails } from './viewer/thumbnails';
-import { CompareView } from './views/compare';
 import type { Context, View } from './views/context';
 import { HomeView } from './views/home';
-import { JobView } from './views/job';
 import { JobList } from './views/joblist';
-import { MeshView } from './views/mesh';
+import { LoadingView } from './views/loading';
 import { rail } from './views/rail';
+import { Thumbnails } from './views/thumbnails';
 
 const THEME_ICONS = { auto: 'auto', light: 'sun', dark: 'moon' } as const;
 
@@ -57,7 +56,8 @@ export class App {
         this.refresh();
       });
     this.route = parseRoute(location.search);
-    this.view = this.open(this.route);
+    this.view = new LoadingView();
+    this.open(this.route);
   }
 
   /** Draw, and listen to the browser. */
@@ -87,31 +87,60 @@ export class App {
   private arrive(route: Route): void {
     this.route = route;
     this.menu = false;
-    this.view.close();
-    this.view = this.open(route);
-    this.refresh();
+    this.open(route);
   }
 
   private file(file: File): void {
-    this.view.close();
     this.route = { view: 'home' };
     history.pushState(null, '', '/');
     this.menu = false;
-    this.view = new MeshView(this.context, file);
-    this.refresh();
+    void this.show(async () => {
+      const { MeshView } = await import('./views/mesh');
+      return new MeshView(this.context, file);
+    });
   }
 
-  private open(route: Route): View {
+  /** The first page is here at once; what draws is fetched when it is wanted, or when there is time. */
+  private open(route: Route): void {
+    if (route.view === 'home') this.put(new HomeView(this.context));
+    else void this.show(() => this.made(route));
+  }
+
+  private async made(route: Exclude<Route, { view: 'home' }>): Promise<View> {
     switch (route.view) {
-      case 'home':
-        return new HomeView(this.context);
-      case 'mesh':
-        return new MeshView(this.context, route.mesh, route.up);
-      case 'job':
+      case 'mesh': {
+        const { MeshView } = await import('./views/mesh');
+        return new MeshView(this.context, route.mesh, route.up, route.name);
+      }
+      case 'job': {
+        const { JobView } = await import('./views/job');
         return new JobView(this.context, route.shown, route.look);
-      case 'compare':
+      }
+      case 'compare': {
+        const { CompareView } = await import('./views/compare');
         return new CompareView(this.context, route.left, route.right, route.look);
+      }
     }
+  }
+
+  /** Show a view as soon as its code is here, unless another one was asked for meanwhile. */
+  private async show(make: () => Promise<View>): Promise<void> {
+    const waiting = new LoadingView();
+    this.put(waiting);
+    try {
+      const view = await make();
+      if (this.view === waiting) this.put(view);
+      else view.close();
+    } catch (thrown) {
+      waiting.problem = asProblem(thrown);
+      this.refresh();
+    }
+  }
+
+  private put(view: View): void {
+    this.view.close();
+    this.view = view;
+    this.refresh();
   }
 
   private refresh(): void {

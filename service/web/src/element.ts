@@ -36,7 +36,7 @@ export class SpherifyViewer extends HTMLElement {
   attributeChangedCallback(name: string, _: string | null, value: string | null): void {
     if (!this.isConnected) return;
     if (name === 'service' || name === 'job') this.load();
-    else if (name === 'iteration' && value !== null) this.send({ iteration: Number(value) });
+    else if (name === 'iteration') this.send({ iteration: value === null ? null : Number(value) });
     else if (name === 'color') this.send({ color: FIELDS.find((field) => field === value) ?? null });
     else if (name === 'wire') this.send({ wire: value !== null });
   }

@@ -52,7 +52,8 @@ function open(root: HTMLElement, shown: Shown, look: Look): void {
     if (!command) return;
     if (command.color !== undefined) stage.setColor(command.color);
     if (command.wire !== undefined) stage.setWire(command.wire);
-    if (command.iteration !== undefined) stage.seek(command.iteration);
+    if (command.iteration === null) stage.follow();
+    else if (command.iteration !== undefined) stage.seek(command.iteration);
     if (command.playing !== undefined && command.playing !== stage.player.playing) stage.toggle();
   });
   draw();

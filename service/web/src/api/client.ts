@@ -1,5 +1,5 @@
 import { asProblem, problemOf, unreachable } from './problem';
-import type { Info, Job, JobStatus, Mesh, Metrics, ParametersDescription, Preset } from './types';
+import type { Info, Job, JobStatus, Mesh, Metrics, ParametersDescription, Preset, Sample } from './types';
 
 /** What a job is asked for with: the JSON of `POST /v1/jobs`. */
 export interface JobRequest {
@@ -50,6 +50,15 @@ export class Api {
     return this.get(`/v1/jobs/${id}/metrics`);
   }
 
+  async samples(): Promise<readonly Sample[]> {
+    return (await this.get<{ items: Sample[] }>('/v1/samples')).items;
+  }
+
+  /** Have a sample shape made; the same one again is the same mesh. */
+  sample(name: string): Promise<Mesh> {
+    return this.send('POST', `/v1/samples/${name}`);
+  }
+
   mesh(id: string): Promise<Mesh> {
     return this.get(`/v1/meshes/${id}`);
   }
@@ -93,7 +102,11 @@ export class Api {
       };
       request.onload = () => {
         if (request.status < 300) resolve(JSON.parse(request.responseText) as Mesh);
-        else reject(problemOf(request.status, request.responseText, new Headers()));
+        else {
+          const wait = request.getResponseHeader('retry-after');
+          const headers = new Headers(wait === null ? {} : { 'retry-after': wait });
+          reject(problemOf(request.status, request.responseText, headers));
+        }
       };
       request.send(file);
     });

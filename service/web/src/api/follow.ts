@@ -81,7 +81,7 @@ export class Follow {
         return;
       }
       this.connected('lost');
-      wait = LOST_POLL_MS;
+      wait = problem.waitMs(LOST_POLL_MS);
     }
     if (this.source?.readyState === EventSource.CLOSED && !this.finished()) this.open();
     if (!this.finished()) this.timer = setTimeout(() => void this.poll(), wait);

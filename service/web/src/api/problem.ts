@@ -22,12 +22,18 @@ export class Problem extends Error {
     return this.status === 0;
   }
 
+  /** How long to wait before asking again: what the service says, or else what is usual. */
+  waitMs(usual: number): number {
+    return Math.max(usual, Math.min(this.retryAfter ?? 0, MOST_WAIT_S) * 1000);
+  }
+
   /** Whether asking again may help. */
   get passing(): boolean {
     return this.unreachable || this.status === 429 || this.status >= 500;
   }
 }
 
+const MOST_WAIT_S = 30;
 export const UNREACHABLE = 'unreachable';
 
 /** Return the problem that stands for a connection that failed. */

@@ -5,6 +5,7 @@ import { Follow, type Connection } from './follow';
 import { asProblem, type Problem } from './problem';
 
 const SERIES_MS = 4000;
+const AGAIN_MS = 2000;
 
 /** A job as it goes: its record, its kept states and its figures, always the newest there are. */
 export class Run extends Emitter {
@@ -36,7 +37,8 @@ export class Run extends Emitter {
     } catch (thrown) {
       this.problem = asProblem(thrown);
       this.changed();
-      if (this.problem.passing && !this.isClosed()) this.timer = setTimeout(() => void this.open(), 2000);
+      if (this.problem.passing && !this.isClosed())
+        this.timer = setTimeout(() => void this.open(), this.problem.waitMs(AGAIN_MS));
     }
   }
 

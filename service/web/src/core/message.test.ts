@@ -10,6 +10,7 @@ it('carries commands, and drops what cannot be', () => {
   });
   expect(readCommand({ spherify: { iteration: NaN, color: 'pink', wire: 1 } })).toEqual({});
   expect(readCommand({ spherify: { color: null } })).toEqual({ color: null });
+  expect(readCommand(packed({ iteration: null }))).toEqual({ iteration: null });
   for (const noise of [null, 'hello', 5, { other: {} }, { spherify: 'x' }])
     expect(readCommand(noise)).toBeNull();
 });

@@ -4,7 +4,8 @@ import { FIELDS, type Field } from './colormap';
 
 /** From the page to the frame: what is to change. */
 export interface Command {
-  readonly iteration?: number;
+  /** null is the newest. */
+  readonly iteration?: number | null;
   readonly color?: Field | null;
   readonly wire?: boolean;
   readonly playing?: boolean;
@@ -32,7 +33,9 @@ export function readCommand(data: unknown): Command | null {
   const { iteration, color, wire, playing } = content;
   const field = FIELDS.find((one) => one === color);
   return {
-    ...(typeof iteration === 'number' && Number.isFinite(iteration) ? { iteration } : {}),
+    ...(iteration === null || (typeof iteration === 'number' && Number.isFinite(iteration))
+      ? { iteration }
+      : {}),
     ...(field !== undefined || color === null ? { color: field ?? null } : {}),
     ...(typeof wire === 'boolean' ? { wire } : {}),
     ...(typeof playing === 'boolean' ? { playing } : {}),

@@ -7,7 +7,8 @@ const OTHER = 'job_01K5Z9Q8M4T6V2X0Y7R3N1W5BD';
 describe('an address', () => {
   const routes: Route[] = [
     { view: 'home' },
-    { view: 'mesh', mesh: 'mesh_4T9V0K2J7C8N5R1W3X6Y0ZQABD', up: 'z' },
+    { view: 'mesh', mesh: 'mesh_4T9V0K2J7C8N5R1W3X6Y0ZQABD', up: 'z', name: null },
+    { view: 'mesh', mesh: 'mesh_4T9V0K2J7C8N5R1W3X6Y0ZQABD', up: null, name: 'my cat & dog.obj' },
     { view: 'job', shown: { job: JOB, iteration: null }, look: PLAIN },
     {
       view: 'job',

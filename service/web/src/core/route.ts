@@ -29,11 +29,12 @@ export interface Shown {
 
 export type Route =
   | { readonly view: 'home' }
-  | { readonly view: 'mesh'; readonly mesh: string; readonly up: Up | null }
+  | { readonly view: 'mesh'; readonly mesh: string; readonly up: Up | null; readonly name: string | null }
   | { readonly view: 'job'; readonly shown: Shown; readonly look: Look }
   | { readonly view: 'compare'; readonly left: Shown; readonly right: Shown; readonly look: Look };
 
 export const PLAIN: Look = { color: null, wire: false, up: null, camera: null, scale: 'log' };
+const MOST_NAME = 120;
 const JOB = /^job_[0-9A-Z]{26}$/;
 const MESH = /^mesh_[0-9A-Z]{26}$/;
 
@@ -47,7 +48,8 @@ export function parseRoute(search: string): Route {
   if (JOB.test(job))
     return { view: 'job', shown: { job, iteration: whole(query.get('it')) }, look: parseLook(query) };
   const mesh = query.get('mesh') ?? '';
-  return MESH.test(mesh) ? { view: 'mesh', mesh, up: parseLook(query).up } : { view: 'home' };
+  const name = query.get('name')?.slice(0, MOST_NAME) ?? null;
+  return MESH.test(mesh) ? { view: 'mesh', mesh, up: parseLook(query).up, name } : { view: 'home' };
 }
 
 /** Write an address, beginning with `/`. */
@@ -56,6 +58,7 @@ export function formatRoute(route: Route, path = '/'): string {
   if (route.view === 'mesh') {
     query.set('mesh', route.mesh);
     if (route.up) query.set('up', route.up);
+    if (route.name) query.set('name', route.name);
   }
   if (route.view === 'job') {
     query.set('job', route.shown.job);

@@ -17,7 +17,9 @@ with httpx.Client(base_url="${origin}", timeout=60) as http:
     while not job["done"]:
         time.sleep(1)
         job = http.get(f"/v1/jobs/{job['id']}").raise_for_status().json()
-    print(job["status"], job["stop_reason"], job["metrics"]["sphericity"])
+    print(job["status"], job["stop_reason"], (job["metrics"] or {}).get("sphericity"))
+    if job["result_iteration"] is None:
+        raise SystemExit((job["error"] or {}).get("detail", "there is no result"))
     mesh = http.get(f"/v1/jobs/{job['id']}/snapshots/final.ply").raise_for_status()
     with open("final.ply", "wb") as file:
         file.write(mesh.content)

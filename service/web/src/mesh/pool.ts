@@ -40,7 +40,10 @@ export class MeshWorker {
 }
 
 function errorOf(failure: Failure): Error {
-  if (failure.status !== undefined) return problemOf(failure.status, failure.body ?? '', new Headers());
+  if (failure.status !== undefined) {
+    const headers = new Headers(failure.wait ? { 'retry-after': failure.wait } : {});
+    return problemOf(failure.status, failure.body ?? '', headers);
+  }
   if (failure.name === 'TypeError' && failure.message.includes('fetch')) return unreachable();
   const error = new Error(failure.message);
   error.name = failure.name;

@@ -45,6 +45,8 @@ export interface Failure {
   /** What the service answered, when it was not what was asked for. */
   readonly status?: number;
   readonly body?: string;
+  /** Its Retry-After. */
+  readonly wait?: string | null;
 }
 
 export type { Surface };

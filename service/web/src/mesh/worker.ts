@@ -15,6 +15,7 @@ class AnswerError extends Error {
   constructor(
     readonly status: number,
     readonly body: string,
+    readonly wait: string | null,
   ) {
     super(`answer ${status}`);
   }
@@ -91,7 +92,8 @@ function known(key: string): Decimation {
 
 async function fetched(url: string): Promise<ArrayBuffer> {
   const answer = await fetch(url);
-  if (!answer.ok) throw new AnswerError(answer.status, await answer.text());
+  if (!answer.ok)
+    throw new AnswerError(answer.status, await answer.text(), answer.headers.get('retry-after'));
   return answer.arrayBuffer();
 }
 
@@ -111,7 +113,7 @@ async function handle<K extends TaskName>(id: number, task: K, ask: Tasks[K]['as
     const { name, message } = thrown instanceof Error ? thrown : new Error(String(thrown));
     const failure: Failure =
       thrown instanceof AnswerError
-        ? { name, message, status: thrown.status, body: thrown.body }
+        ? { name, message, status: thrown.status, body: thrown.body, wait: thrown.wait }
         : { name, message };
     self.postMessage({ id, failure });
   }

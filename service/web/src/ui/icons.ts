@@ -28,7 +28,9 @@ const PATHS = {
   more: 'M8 3.5v9M3.5 8h9',
   list: 'M2.5 4h11M2.5 8h11M2.5 12h11',
   sphere: 'M8 2a6 6 0 1 0 0 12A6 6 0 0 0 8 2M2 8c2 2.4 10 2.4 12 0M8 2c-2.6 2-2.6 10 0 12',
-  flip: 'M8 2v12M8 2 5 5M8 2l3 3',
+  flip: 'M2.5 13.5h11M8 11V2.5m0 0L5.2 5.3M8 2.5l2.8 2.8',
+  facets: 'M8 1.8 13.4 5v6L8 14.2 2.6 11V5zM8 8l5.4-3M8 8v6.2M8 8 2.6 5',
+  branch: 'M4.5 2.5v11M4.5 9.5c0-3 7-1.500 7-5.500m0 0L9.200 6.200M11.500 4l2.200 2.300',
 } as const;
 
 export type IconName = keyof typeof PATHS;

@@ -51,7 +51,7 @@ export function lookBar(stage: Looks): TemplateResult {
         stage.setFacets(!stage.facets);
       }}
     >
-      ${icon('sphere')}
+      ${icon('facets')}
     </button>
     <button
       class="tool"

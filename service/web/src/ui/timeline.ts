@@ -1,4 +1,4 @@
-import { html, render, svg, type TemplateResult } from 'lit-html';
+import { html, render, type TemplateResult } from 'lit-html';
 import type { Row } from '../api/types';
 import { count } from '../core/format';
 import type { Player } from '../core/player';
@@ -26,6 +26,8 @@ export class Timeline {
   private place: Between = { before: 0, after: 0, blend: 0 };
   private busy = false;
   private reached = 0;
+  /** The hill and the marks: made when they change, not in every frame. */
+  private outline: { hill: string; marks: string } | null = null;
 
   constructor(
     private readonly player: Player,
@@ -42,6 +44,7 @@ export class Timeline {
     const same = this.states === states && this.rows === rows && this.reached === reached;
     if (same && scale.kind === this.scale.kind && scale.last === this.scale.last) return;
     [this.states, this.rows, this.scale, this.reached] = [states, rows, scale, reached];
+    this.outline = null;
     this.draw();
   }
 
@@ -100,7 +103,7 @@ export class Timeline {
   private where(): string {
     const { before, after, blend } = this.place;
     if (this.busy) return 'loading …';
-    if (blend > 0) return `interpolated between ${count(before)} and ${count(after)}`;
+    if (blend > 0) return `between ${count(before)} and ${count(after)}, interpolated`;
     return this.states.length > 0 ? `of ${count(this.scale.last)} iterations` : '';
   }
 
@@ -145,8 +148,8 @@ export class Timeline {
   }
 
   private track(): TemplateResult {
-    const { scale, states, place } = this;
-    const percent = (iteration: number): string => (scale.place(iteration) * WIDTH).toFixed(1);
+    const { scale, place } = this;
+    const { hill, marks } = (this.outline ??= { hill: this.hill(), marks: this.marks() });
     const text =
       place.blend > 0
         ? `iteration ${Math.round(this.at)}, interpolated between ${place.before} and ${place.after}`
@@ -164,8 +167,8 @@ export class Timeline {
       @pointermove=${this.drag}
     >
       <svg viewBox="0 0 ${WIDTH} ${HEIGHT}" preserveAspectRatio="none" aria-hidden="true">
-        <path class="hill" d=${this.hill()} />
-        ${states.map((state) => svg`<line class="mark" x1=${percent(state)} x2=${percent(state)} y1="34" y2=${HEIGHT} />`)}
+        <path class="hill" d=${hill} />
+        <path class="mark" d=${marks} />
       </svg>
       <div class="reached"></div>
       <div class="head"></div>
@@ -178,6 +181,11 @@ export class Timeline {
     return ticks(this.scale, many).map(
       (tick) => html`<span ${at(this.scale.place(tick))}>${count(tick)}</span>`,
     );
+  }
+
+  private marks(): string {
+    const { scale } = this;
+    return this.states.map((state) => `M${(scale.place(state) * WIDTH).toFixed(1)} 34V${HEIGHT}`).join('');
   }
 
   /** The sphericity so far, from the lowest that was to 1. */

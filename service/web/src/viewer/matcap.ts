@@ -20,8 +20,15 @@ const LAMPS: readonly Lamp[] = [
 ];
 const AMBIENT: Vector = [0.085, 0.092, 0.11];
 
+let drawn: Uint8Array<ArrayBuffer> | null = null; // once for all surfaces
+
 /** Return SIZE × SIZE pixels as RGBA bytes, sRGB, the ball filling the square. */
 export function matcap(): { data: Uint8Array<ArrayBuffer>; size: number } {
+  drawn ??= draw();
+  return { data: drawn, size: SIZE };
+}
+
+function draw(): Uint8Array<ArrayBuffer> {
   const data = new Uint8Array(SIZE * SIZE * 4);
   for (let row = 0; row < SIZE; row++)
     for (let column = 0; column < SIZE; column++) {
@@ -36,7 +43,7 @@ export function matcap(): { data: Uint8Array<ArrayBuffer>; size: number } {
       ];
       data.set(shade(normal), 4 * (row * SIZE + column));
     }
-  return { data, size: SIZE };
+  return data;
 }
 
 function shade(n: Vector): [number, number, number, number] {

@@ -116,14 +116,14 @@ export class Viewer {
     this.invalidate();
   }
 
-  /** Return the picture as PNG, drawn anew: the canvas does not keep what it showed. */
-  picture(): Promise<Blob> {
+  /** Return the picture, drawn anew: the canvas does not keep what it showed. */
+  picture(type: 'image/png' | 'image/webp' = 'image/png'): Promise<Blob> {
     this.draw();
     return new Promise((resolve, reject) => {
       this.canvas.toBlob((blob) => {
         if (blob) resolve(blob);
         else reject(new Error('the picture could not be made'));
-      }, 'image/png');
+      }, type);
     });
   }
 

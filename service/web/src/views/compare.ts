@@ -23,6 +23,7 @@ export class CompareView implements View {
     const stage = (shown: Shown): Stage => new Stage(context, shown.job, shown.iteration, look, true);
     this.stages = [stage(left), stage(right)];
     for (const [one, other] of [this.stages, [this.stages[1], this.stages[0]]] as const) {
+      one.beside = other;
       one.onChange(() => {
         this.address();
         this.context.refresh();

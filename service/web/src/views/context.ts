@@ -3,8 +3,8 @@ import type { Api } from '../api/client';
 import type { Catalogue } from '../api/catalogue';
 import type { Route } from '../core/route';
 import type { MeshWorker } from '../mesh/pool';
-import type { Thumbnails } from '../viewer/thumbnails';
 import type { JobList } from './joblist';
+import type { Thumbnails } from './thumbnails';
 
 /** What every view works with. */
 export interface Context {

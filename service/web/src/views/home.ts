@@ -1,11 +1,13 @@
 import { html, nothing, type TemplateResult } from 'lit-html';
+import { asProblem } from '../api/problem';
 import type { Job } from '../api/types';
 import { share } from '../core/format';
 import { PLAIN } from '../core/route';
 import { dropZone } from '../ui/dropzone';
+import { painted } from '../ui/painted';
 import { reducedMotion } from '../ui/theme';
 import type { Context, View } from './context';
-import { Stage } from './stage';
+import type { Stage } from './stage';
 import { upOf } from './up';
 
 export const GALLERY = 'gallery';
@@ -17,6 +19,7 @@ export class HomeView implements View {
   private gallery: readonly Job[] = [];
   private timer: ReturnType<typeof setTimeout> | undefined;
   private closed = false;
+  private building: string | null = null;
 
   constructor(private readonly context: Context) {
     void this.load();
@@ -31,7 +34,7 @@ export class HomeView implements View {
             Drop a closed triangle mesh. The curvature transformation rounds it, step by step, and every state
             on the way is yours: to watch, to compare, to download.
           </p>
-          ${dropZone(this.context)}
+          ${dropZone(this.context)} ${this.samples()}
         </div>
         <div class="show">${this.stage ? this.stage.viewer.element : nothing} ${this.caption()}</div>
       </section>
@@ -60,6 +63,40 @@ export class HomeView implements View {
         Open this run
       </button>
     </div>`;
+  }
+
+  /** The shapes that the service builds, for those who have no mesh at hand. */
+  private samples(): TemplateResult | typeof nothing {
+    const { samples } = this.context.catalogue;
+    if (samples.length === 0) return nothing;
+    return html`<p class="samples" aria-label="Sample shapes">
+      <span class="hint">No mesh at hand? Take</span>
+      ${samples.map(
+        (sample) =>
+          html`<button
+            class="chip"
+            title=${sample.title}
+            ?disabled=${this.building !== null}
+            aria-busy=${this.building === sample.name ? 'true' : 'false'}
+            @click=${() => void this.build(sample.name)}
+          >
+            ${title(sample.name)}
+          </button>`,
+      )}
+    </p>`;
+  }
+
+  private async build(sample: string): Promise<void> {
+    this.building = sample;
+    this.context.refresh();
+    try {
+      const mesh = await this.context.api.sample(sample);
+      if (!this.closed) this.context.go({ view: 'mesh', mesh: mesh.id, up: 'z', name: null });
+    } catch (thrown) {
+      this.context.toast(asProblem(thrown).detail, 'bad');
+    }
+    this.building = null;
+    this.context.refresh();
   }
 
   private shapes(): TemplateResult {
@@ -98,7 +135,7 @@ export class HomeView implements View {
         class="plain small"
         aria-label="Use this mesh: ${title(job.name)}"
         @click=${() => {
-          this.context.go({ view: 'mesh', mesh: job.mesh_id, up: upOf(job) });
+          this.context.go({ view: 'mesh', mesh: job.mesh_id, up: upOf(job), name: null });
         }}
       >
         Use this mesh
@@ -123,13 +160,20 @@ export class HomeView implements View {
     const star =
       this.gallery.find((job) => job.done && job.name === 'quadruped') ??
       this.gallery.find((job) => job.done);
-    if (star && !this.stage) this.play(star);
+    if (star && !this.stage) void this.play(star);
     if (this.gallery.length === 0 || this.gallery.some((job) => !job.done))
       this.timer = setTimeout(() => void this.load(), 2500);
     this.context.refresh();
   }
 
-  private play(job: Job): void {
+  private isClosed(): boolean {
+    return this.closed; // it may be closed while something is awaited
+  }
+
+  private async play(job: Job): Promise<void> {
+    await painted(); // the words come first
+    const { Stage } = await import('./stage');
+    if (this.isClosed() || this.stage) return;
     const camera = { azimuth: 0.75, elevation: 0.25, distance: 2.9, target: [0, 0, 0] as const };
     const stage = new Stage(this.context, job.id, 0, { ...PLAIN, up: upOf(job), camera }, true);
     stage.player.loop = true;

@@ -168,8 +168,9 @@ export class JobView implements View {
       ${'cancel' in links && job.status !== 'cancelling' ? this.button('stop', 'Cancel', () => void this.act(() => this.context.api.cancel(job.id)), able) : nothing}
       ${'extend' in links ? this.button('more', 'Go on', () => void this.go(() => this.context.api.extend(job.id, job.progress.iterations_total)), able) : nothing}
       ${'retry' in links ? this.button('reset', 'Run again', () => void this.go(() => this.context.api.retry(job.id)), able) : nothing}
-      ${this.button('flip', 'New run', () => {
-        this.context.go({ view: 'mesh', mesh: job.mesh_id, up: this.stage.viewer.camera.up });
+      ${this.button('branch', 'New run', () => {
+        const { up } = this.stage.viewer.camera;
+        this.context.go({ view: 'mesh', mesh: job.mesh_id, up, name: null });
       })}
       ${job.done ? this.button('trash', 'Delete', () => void this.remove(job), able) : nothing}
     </div>`;

@@ -29,9 +29,10 @@ export class JobForm {
   constructor(
     private readonly context: Context,
     private readonly mesh: Mesh,
+    file: string,
     private readonly started: (job: Job) => void,
   ) {
-    this.name = mesh.name.replace(/\.\w+$/, '');
+    this.name = file.replace(/\.\w+$/, '');
   }
 
   render(): TemplateResult {

@@ -55,8 +55,9 @@ export class JobList extends Emitter {
     }
     this.changed();
     if (document.hidden) return;
-    const busy = this.problem !== null || this.jobs.some((job) => !job.done);
-    this.timer = setTimeout(() => void this.load(), busy ? BUSY_MS : IDLE_MS);
+    const usual = this.jobs.some((job) => !job.done) ? BUSY_MS : IDLE_MS;
+    const wait = this.problem?.waitMs(BUSY_MS) ?? usual;
+    this.timer = setTimeout(() => void this.load(), wait);
   }
 
   private async fetch(): Promise<readonly Job[]> {

@@ -25,11 +25,16 @@ export class MeshView implements View {
   private form: JobForm | null = null;
   private closed = false;
 
-  /** @param source a file that is not sent yet, or the id of a mesh that the service has. */
+  /**
+   * @param source a file that is not sent yet, or the id of a mesh that the service has.
+   * @param given the axis that stands upright, if that is known.
+   * @param called the name of the file as it was dropped; the service keeps the first name of the same bytes.
+   */
   constructor(
     private readonly context: Context,
     private readonly source: File | string,
     private readonly given: Up | null = null,
+    private readonly called: string | null = null,
   ) {
     if (source instanceof File) {
       this.setUp(upOfFile(source.name));
@@ -76,7 +81,7 @@ export class MeshView implements View {
   }
 
   private get name(): string {
-    return this.mesh?.name ?? (this.source instanceof File ? this.source.name : '');
+    return this.called ?? this.mesh?.name ?? (this.source instanceof File ? this.source.name : '');
   }
 
   private panel(): TemplateResult {
@@ -92,7 +97,7 @@ export class MeshView implements View {
       });
     }
     if (!this.mesh) return this.waiting();
-    return html`${reportCard(this.mesh.name, this.mesh.report)}${this.form?.render() ?? nothing}`;
+    return html`${reportCard(this.name, this.mesh.report)}${this.form?.render() ?? nothing}`;
   }
 
   private waiting(): TemplateResult {
@@ -152,7 +157,8 @@ export class MeshView implements View {
         this.context.refresh();
       });
       if (this.isClosed()) return;
-      this.context.go({ view: 'mesh', mesh: mesh.id, up: this.up }, true); // from now on it has an address
+      const name = mesh.name === file.name ? null : file.name;
+      this.context.go({ view: 'mesh', mesh: mesh.id, up: this.up, name }, true); // from now on it has an address
     } catch (thrown) {
       this.problem = asProblem(thrown);
       this.mark();
@@ -167,7 +173,7 @@ export class MeshView implements View {
       if (this.isClosed()) return;
       this.mesh = mesh;
       this.setUp(this.given ?? upOfFile(mesh.name));
-      this.form = new JobForm(this.context, mesh, (job) => {
+      this.form = new JobForm(this.context, mesh, this.name, (job) => {
         this.started(job);
       });
       this.context.refresh();

@@ -1,6 +1,6 @@
 import { html, nothing, type TemplateResult } from 'lit-html';
 import type { Job, JobStatus } from '../api/types';
-import { ago } from '../core/format';
+import { ago, share } from '../core/format';
 import { STATUS_WORDS } from '../core/job';
 import { PLAIN, type Route } from '../core/route';
 import type { Context } from './context';
@@ -86,7 +86,7 @@ function entry(context: Context, job: Job, open: boolean): TemplateResult {
       <span class="name">${job.name}</span>
       <span class="hint">
         ${job.status === 'successful' ? nothing : html`<span class="dot ${job.status}"></span>${STATUS_WORDS[job.status]} · `}${
-          job.metrics ? `Ψ ${job.metrics.sphericity?.toFixed(3) ?? '–'} · ` : ''
+          job.metrics ? `Ψ ${share(job.metrics.sphericity)} · ` : ''
         }${ago(job.created_at)}
       </span>
       ${running ? html`<progress max="100" .value=${job.progress.percent} aria-label="Progress of ${job.name}"></progress>` : nothing}

@@ -28,6 +28,9 @@ export class Stage extends Emitter {
   following: boolean;
   /** The range of the colours that are shown; null without colours. */
   range: Range | null = null;
+  /** Another state beside this one, coloured by one scale with it. */
+  beside: Stage | null = null;
+  private own: Range | null = null;
   problem: Problem | null = null;
   triangles = 0;
   drawn = 0;
@@ -275,14 +278,23 @@ export class Stage extends Emitter {
     if (!first) return;
     const second = blend > 0 ? this.coloured(after) : first;
     this.viewer.show(first, second ?? first, second ? blend : 0);
-    this.range = rangeBetween(first, second ?? first, second ? blend : 0);
-    const diverging = this.color !== null && FIELD_INFO[this.color].diverging;
-    this.viewer.colours(this.range ? { ...this.range, diverging } : null);
+    this.own = rangeBetween(first, second ?? first, second ? blend : 0);
+    this.paint();
+    this.beside?.paint();
     const percent = state(this.run)?.sphericity;
     this.viewer.describe(
       `${this.run.state?.job.name ?? 'The mesh'} at iteration ${Math.round(this.at)}` +
         (typeof percent === 'number' ? `, newest sphericity ${percent.toFixed(3)}` : ''),
     );
+  }
+
+  /** Colour what is drawn; with a state beside it, by the range of both. */
+  private paint(): void {
+    const { beside } = this;
+    const other = beside !== null && beside.color === this.color ? beside.own : null;
+    this.range = this.own && other ? widest(this.own, other) : this.own;
+    const diverging = this.color !== null && FIELD_INFO[this.color].diverging;
+    this.viewer.colours(this.range ? { ...this.range, diverging } : null);
   }
 
   private ahead(iteration: number): number[] {
@@ -322,7 +334,7 @@ export class Stage extends Emitter {
     if (willPass(thrown))
       setTimeout(() => {
         this.news();
-      }, RETRY_MS);
+      }, this.problem.waitMs(RETRY_MS));
     else if (this.color !== null && this.opened === 'yes') {
       this.context.toast(this.problem.detail, 'bad');
       this.color = null; // this mesh has no such field
@@ -333,6 +345,10 @@ export class Stage extends Emitter {
 
 function state(run: Run): { sphericity?: number | null } | null {
   return run.state?.job.metrics ?? null;
+}
+
+function widest(one: Range, other: Range): Range {
+  return { low: Math.min(one.low, other.low), high: Math.max(one.high, other.high) };
 }
 
 function rangeBetween(first: Coloured, second: Coloured, blend: number): Range | null {

@@ -1,0 +1,119 @@
+import { Emitter } from '../core/emitter';
+import type { CameraView, Up } from '../core/route';
+import { Shelf } from '../core/shelf';
+import type { MeshWorker } from '../mesh/pool';
+import { painted } from '../ui/painted';
+
+import type { Viewer } from '../viewer/viewer';
+
+const SIZE = 192;
+const FROM: CameraView = { azimuth: 0.65, elevation: 0.38, distance: 2.95, target: [0, 0, 0] };
+const MOST = 150; // some 4 kB each
+const NAME = 'spherify thumbnails 1'; // another number where they are drawn another way
+const NEVER_OLD = new Set(['initial', 'final']); // what is asked for of finished jobs alone, or never changes
+
+/** Small pictures of states of jobs, drawn one after another on a canvas nobody sees, and kept by the browser. */
+export class Thumbnails extends Emitter {
+  private readonly pictures = new Map<string, string | null>();
+  private readonly shelf = new Shelf(storage(), NAME, MOST);
+  /** First what all begin with, then what they became. */
+  private readonly queues: readonly [(() => Promise<void>)[], (() => Promise<void>)[]] = [[], []];
+  private working = false;
+  private viewer: Viewer | null = null;
+
+  constructor(private readonly worker: MeshWorker) {
+    super();
+  }
+
+  /** Return the address of a picture, or null until there is one; `which` is an iteration or a name. */
+  picture(job: string, which: string, up: Up): string | null {
+    const key = `${job} ${which} ${up}`;
+    const known = this.pictures.get(key);
+    if (known !== undefined) return known;
+    const kept = this.shelf.get(key);
+    this.pictures.set(key, kept);
+    if (kept !== null) return kept;
+    this.queues[which === 'initial' ? 0 : 1].push(() => this.draw(key, job, which, up));
+    if (!this.working) void this.work();
+    return null;
+  }
+
+  private async work(): Promise<void> {
+    this.working = true;
+    await painted();
+    await idle(); // what the visitor looks at comes first
+    for (let next = this.next(); next; next = this.next()) {
+      try {
+        await next();
+      } catch {
+        // a picture less: its job may have been deleted meanwhile, and its place stays empty
+      }
+    }
+    this.viewer?.dispose();
+    this.viewer = null;
+    this.working = false;
+  }
+
+  private next(): (() => Promise<void>) | undefined {
+    return this.queues[0].shift() ?? this.queues[1].shift();
+  }
+
+  private async draw(key: string, job: string, which: string, up: Up): Promise<void> {
+    const name = `thumbnail of ${key}`;
+    const drawable = await this.worker.ask('topology', {
+      key: name,
+      faces: `/v1/jobs/${job}/topology`,
+      positions: `/v1/jobs/${job}/snapshots/${which}/positions?dtype=f32`,
+    });
+    void this.worker.ask('forget', { key: name });
+    const viewer = this.viewer ?? (await this.open());
+    viewer.load(drawable);
+    viewer.up = up;
+    viewer.look(FROM);
+    const picture = await address(await viewer.picture('image/webp'));
+    this.pictures.set(key, picture);
+    if (NEVER_OLD.has(which)) this.shelf.put(key, picture);
+    this.changed();
+  }
+
+  private async open(): Promise<Viewer> {
+    const { Viewer } = await import('../viewer/viewer');
+    this.viewer = new Viewer('thumbnail', SIZE);
+    return this.viewer;
+  }
+}
+
+/** The picture itself as an address, which outlives the page. */
+function address(blob: Blob): Promise<string> {
+  return new Promise((resolve, reject) => {
+    const reader = new FileReader();
+    reader.onload = () => {
+      resolve(reader.result as string);
+    };
+    reader.onerror = () => {
+      reject(reader.error ?? new Error('the picture could not be read'));
+    };
+    reader.readAsDataURL(blob);
+  });
+}
+
+function idle(): Promise<void> {
+  return new Promise((resolve) => {
+    if (typeof requestIdleCallback === 'function')
+      requestIdleCallback(
+        () => {
+          resolve();
+        },
+        { timeout: 400 },
+      );
+    else setTimeout(resolve, 300); // Safari
+  });
+}
+
+function storage(): Storage | null {
+  try {
+    return localStorage;
+  } catch {
+    return null; // a browser that keeps nothing
+  }
+}
