@@ -152,7 +152,7 @@ def job_form() -> dict[str, Any]:
             "allow": ALLOW_SCHEMA,
             **own,
         },
-        "oneOf": [{"required": ["file"]}, {"required": ["mesh_id"]}],
+        "oneOf": [{"required": [name]} for name in ("file", "mesh_id", "from_snapshot")],
         "additionalProperties": False,
     }
     return form_body(

@@ -35,9 +35,10 @@ DEFAULT_SNAPSHOTS: Final = "log:12"
 MAX_NAME: Final = 120
 PRINTABLE: Final = r"^[^\x00-\x1f\x7f]+$"
 TAG: Final = r"^[A-Za-z0-9._:/+-]{1,64}$"
+SNAPSHOT: Final = r"^job_[0-9A-Za-z]{1,32}/[0-9a-z]{1,12}$"
 _LISTS: Final = frozenset({"tags", "allow"})
 _TEXTS: Final = frozenset(
-    {"mesh_id", "name", "preset", "method"}
+    {"mesh_id", "from_snapshot", "name", "preset", "method"}
 )  # taken as they are, whatever JSON would make of them
 _OWN_NAMES: Final = frozenset(PARAMETER_NAMES) - {"iterations", "method"}
 _SINGLE: Final = _TEXTS | {"iterations", "snapshots", "parameters"}
@@ -63,7 +64,19 @@ class JobRequest(BaseModel):
         },
     )
 
-    mesh_id: Annotated[str, Field(max_length=64, description="From `POST /v1/meshes`.")]
+    mesh_id: Annotated[
+        str | None, Field(max_length=64, description="From `POST /v1/meshes`; this or `from_snapshot`.")
+    ] = None
+    from_snapshot: Annotated[
+        str | None,
+        Field(
+            max_length=80,
+            pattern=SNAPSHOT,
+            description="A kept state of another job, which becomes a mesh of its own to begin with: the job's id, a "
+            "slash, and an iteration or `initial`, `latest`, `best`, `final`.",
+            examples=["job_01K5Z9Q8M4T6V2X0Y7R3N1W5BC/500"],
+        ),
+    ] = None
     method: Annotated[
         Method | None,
         Field(
@@ -122,12 +135,16 @@ class JobPlan:
     name: str | None
     tags: tuple[str, ...]
 
+    def named(self, mesh: MeshRecord, name: str | None = None) -> str:
+        """Return what the job will be called: as was asked, or like the file, or like the mesh."""
+        return self.name or safe_stem(name or mesh.name)
+
     def spec(self, mesh: MeshRecord, identity: Identity, name: str | None = None) -> JobSpec:
         """Return the job this is, on a mesh, under an identity."""
         return JobSpec(
             id=identity.job_id,
             mesh_id=mesh.id,
-            name=self.name or safe_stem(name or mesh.name),
+            name=self.named(mesh, name),
             tags=self.tags,
             preset=self.preset,
             parameters=self.parameters.model_dump(mode="json"),
@@ -160,8 +177,10 @@ def parse_form(fields: Mapping[str, Sequence[str]], mesh_id: str | None) -> JobR
     the one that the form names.
     """  # noqa: D205 (one sentence)
     values = _single(fields)
-    if (mesh_id is None) == ("mesh_id" not in values):
-        raise invalid("form/file", "one-mesh", "send either a file or the mesh_id of one sent before")
+    if (mesh_id is not None) + ("mesh_id" in values) + ("from_snapshot" in values) != 1:
+        raise invalid(
+            "form/file", "one-mesh", "send a file, or the mesh_id of one sent before, or from_snapshot"
+        )
     if mesh_id is None and "allow" in fields:
         raise invalid("form/allow", "no-file", "the switches belong to the upload of the mesh")
     parameters = _json(values.pop("parameters")) if "parameters" in values else {}
@@ -197,6 +216,8 @@ def parse_allow(values: Sequence[str], pointer: str) -> frozenset[str]:
 
 def plan(request: JobRequest, settings: Settings) -> JobPlan:
     """Check a request against presets, bounds and each other; raises `invalid-parameters`."""
+    if (request.mesh_id is None) == (request.from_snapshot is None):
+        raise invalid("#/mesh_id", "one-mesh", "name a mesh: either mesh_id or from_snapshot")
     if request.preset is not None and request.preset not in PRESETS:
         raise invalid("#/preset", "unknown", f"there is no {request.preset[:40]!r}: {', '.join(PRESETS)}")
     overrides = _overrides(request)

@@ -19,21 +19,24 @@ from service.job_answers import job_answer, job_etag
 from service.paging import DEFAULT_LIMIT, Cursor, Limit, link_header, links
 from service.problems import ProblemError, invalid
 from service.queries import KNOWN_QUERY
+from service.rehearsal import DryRunOut, rehearsed
 from service.repeats import IDEMPOTENT, Identity, once
 from service.requests import TAG, JobPlan, JobRequest, parse_allow, parse_form, parse_json, plan, plan_form
+from service.samples import take_in_state
 from service.schemas import JobOut, PageOut, job_out
 from service.uploads import small_body
 from service.waiting import PREFER, Wait, after_waiting, awaited
 from spherify.jobs.cancel import cancel
 from spherify.jobs.delete import delete_job
 from spherify.jobs.errors import MeshNotFoundError, StoreUnavailableError
-from spherify.jobs.model import Job, JobSpec, JobStatus
+from spherify.jobs.model import Job, JobSpec, JobStatus, MeshRecord
 from spherify.jobs.ports import CancelOutcome
 from spherify.jobs.submit import submit
 
 router = APIRouter(prefix="/v1/jobs", tags=["Jobs"])
 log = logging.getLogger(__name__)
 MAX_JSON_BYTES = 1024 * 1024
+DryRun = Annotated[bool, Query(description="Check everything, and make no job.")]
 NO_MESH = "mesh_of_this_form"  # stands in for the id until the file has been read
 
 
@@ -44,13 +47,20 @@ def _submit(services: Services, spec: JobSpec) -> Job:
     return job
 
 
-def _submit_known(
-    services: Services, planned: JobPlan, asked: JobRequest, identity: Identity, pointer: str
-) -> Job:
+async def _known_mesh(services: Services, asked: JobRequest, pointer: str) -> MeshRecord:
+    """Return the mesh that a request names, or that is the state it names."""
+    if asked.from_snapshot is not None:
+        return await take_in_state(services, asked.from_snapshot)
     try:
-        mesh = services.stores.meshes.get(asked.mesh_id)
-        return _submit(services, planned.spec(mesh, identity))  # which finds out if it was deleted meanwhile
+        return await to_thread.run_sync(services.stores.meshes.get, asked.mesh_id or "")
     except MeshNotFoundError as e:
+        raise invalid(pointer, "unknown", str(e)) from e
+
+
+def _submit_known(services: Services, spec: JobSpec, pointer: str) -> Job:
+    try:
+        return _submit(services, spec)
+    except MeshNotFoundError as e:  # deleted meanwhile
         raise invalid(pointer, "unknown", str(e)) from e
 
 
@@ -62,8 +72,12 @@ def _submit_known(
     status_code=HTTPStatus.CREATED,
     response_model=JobOut,
     responses={
+        HTTPStatus.OK: {"description": "Of a dry run: it would be accepted.", "model": DryRunOut},
         HTTPStatus.CREATED: {"headers": doc.LOCATION | doc.RETRY_AFTER},
         **doc.problems(
+            "not-found",
+            "result-not-ready",
+            "gone",
             "malformed-multipart",
             "malformed-json",
             "unsupported-media-type",
@@ -76,46 +90,61 @@ def _submit_known(
     response_description="The job is recorded: it will be done, whatever happens to this service meanwhile.",
     openapi_extra=doc.job_form(),
 )
-async def create_job(request: Request, context: Context) -> Response:
+async def create_job(request: Request, context: Context, dry_run: DryRun = False) -> Response:
     """Upload a mesh and have it morphed in one go, or name a mesh that is known already.
 
     As a form: `curl -F file=@bunny.obj -F iterations=1000 -F snapshots=10,50,100 …/v1/jobs`; every parameter can
     be a field of its own (`-F step=0.02`), or all in `parameters` as JSON. As JSON: the same names, with `mesh_id`.
-    The answer is the whole job; follow `links.self` until `done`.
+    The answer is the whole job; follow `links.self` until `done`. With `dry_run=true` everything is checked and
+    nothing is queued: the answer, 200, says what the job would be and what it would take.
     """
     kind = media_type(request)
     if kind == "application/json":
         text = await small_body(request, MAX_JSON_BYTES, context.settings.upload_timeout_s)
         asked = parse_json(text)
         planned = plan(asked, context.settings)
-        answer = await _on_known_mesh(request, context, planned, asked, "#/mesh_id")
-        return await after_waiting(request, context, answer)
-    if kind == FORM:
-        return await after_waiting(request, context, await _from_form(request, context))
-    raise ProblemError(
-        "unsupported-media-type", f"send multipart/form-data or application/json, not {kind!r}"
-    )
+        answer = await _on_known_mesh(request, context, planned, asked, "#/mesh_id", dry_run=dry_run)
+    elif kind == FORM:
+        answer = await _from_form(request, context, dry_run=dry_run)
+    else:
+        raise ProblemError(
+            "unsupported-media-type", f"send multipart/form-data or application/json, not {kind!r}"
+        )
+    return answer if dry_run else await after_waiting(request, context, answer)
 
 
 async def _on_known_mesh(
-    request: Request, services: Services, planned: JobPlan, asked: JobRequest, pointer: str
+    request: Request,
+    services: Services,
+    planned: JobPlan,
+    asked: JobRequest,
+    pointer: str,
+    *,
+    dry_run: bool,
 ) -> Response:
+    if dry_run:
+        return json_answer(request, rehearsed(planned, await _known_mesh(services, asked, pointer)))
+
     async def act(identity: Identity) -> Response:
-        job = await to_thread.run_sync(_submit_known, services, planned, asked, identity, pointer)
+        spec = planned.spec(await _known_mesh(services, asked, pointer), identity)
+        job = await to_thread.run_sync(_submit_known, services, spec, pointer)
         return job_answer(request, job, HTTPStatus.CREATED)
 
-    content = [asked.mesh_id, planned.as_dict()]
+    content = [asked.mesh_id or asked.from_snapshot, planned.as_dict()]
     return await once(request, services.stores.repeats, content, act)
 
 
-async def _from_form(request: Request, services: Services) -> Response:
+async def _from_form(request: Request, services: Services, *, dry_run: bool) -> Response:
     async with multipart(request, services.stores.blobs, services.settings) as form:
         file = form.file
         asked = parse_form(form.fields, None if file is None else NO_MESH)
         planned = plan_form(asked, form.fields, services.settings)
         if file is None:
-            return await _on_known_mesh(request, services, planned, asked, "form/mesh_id")
+            return await _on_known_mesh(request, services, planned, asked, "form/mesh_id", dry_run=dry_run)
         allow = parse_allow(form.fields.get("allow", ()), "form/allow")
+        if dry_run:
+            mesh, _ = await services.intake.accept(file, allow)
+            return json_answer(request, rehearsed(planned, mesh, file.name))
 
         async def act(identity: Identity) -> Response:
             mesh, _ = await services.intake.accept(file, allow)

@@ -11,10 +11,10 @@ from tests.service.conftest import OCTAHEDRON, problem
 
 def test_an_unknown_query_makes_no_job(client: httpx.Client, stores: Stores) -> None:
     before = {job.id for job in stores.jobs.find(limit=100).items}
-    answer = client.post("/v1/jobs?dry_run=true", files={"file": ("bunny.obj", OCTAHEDRON)})
+    answer = client.post("/v1/jobs?dryrun=true", files={"file": ("bunny.obj", OCTAHEDRON)})
     document = problem(answer, 422, "invalid-parameters")
-    assert document["errors"][0]["pointer"] == "query/dry_run"
-    assert "there are none" in document["detail"]
+    assert document["errors"][0]["pointer"] == "query/dryrun"
+    assert "there are dry_run" in document["detail"]
     assert {job.id for job in stores.jobs.find(limit=100).items} == before
 
 
