@@ -1,4 +1,4 @@
-"""The command line: `spherify up`, `demo`, `morph`, `submit`, `samples`; one file a command."""
+"""The command line: `spherify up`, `demo`, `morph`, `submit`, `samples`, `gallery`; one file a command."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ from typer.core import TyperGroup
 
 from spherify import __version__
 
-COMMANDS: Final = ("up", "demo", "morph", "submit", "samples")
+COMMANDS: Final = ("up", "demo", "morph", "submit", "samples", "gallery")
 _STYLE: Final[dict[str, Any]] = {
     "rich_markup_mode": None,
     "pretty_exceptions_enable": False,

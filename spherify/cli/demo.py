@@ -14,7 +14,7 @@ from rich.table import Table
 from spherify.cli.console import COLLAPSED, INTERRUPTED, REFUSED, err, fail, out, progress_bar
 from spherify.cli.inputs import MethodOption, PresetOption
 from spherify.cli.interruption import interruptible
-from spherify.cli.stack import Address, Stack, StackError
+from spherify.cli.stack import DEFAULT, Address, Stack, StackError
 from spherify.cli.submit import show
 from spherify.client import Client, RefusedError, ServiceError, UnreachableError
 from spherify.formats import ReadLimits, write_mesh
@@ -89,7 +89,7 @@ def _through_the_stack(
     """Start everything, morph one mesh, stop everything; returns the job and its snapshots."""
     log: deque[str] = deque(maxlen=LOG_LINES)
     with Stack(
-        Address("127.0.0.1", 0), data, 1, lambda name, line: log.append(f"  {name}: {line}"), redis_url=None
+        Address(DEFAULT.host, 0), data, 1, lambda name, line: log.append(f"  {name}: {line}"), redis_url=None
     ) as stack:
 
         def meanwhile() -> None:
@@ -162,3 +162,6 @@ def _tell(job: dict[str, Any], figures: list[dict[str, Any]], folder: Path, pict
     progress = job["progress"]
     out.print(f"\nended as {reason}: {progress['iteration']} iterations, {progress['elapsed_s']:.1f} s")
     out.print(f"snapshots  {folder}/*.obj, *.ply\npicture    {picture}", markup=False)
+    out.print(
+        f"web page   `make up` or `spherify up`, then http://{DEFAULT.host}:{DEFAULT.port}/", markup=False
+    )

@@ -5,8 +5,11 @@ from __future__ import annotations
 import tempfile
 import threading
 from pathlib import Path
-from typing import Any, Final, Self
+from typing import Annotated, Any, Final, Self
 
+import typer
+
+from spherify.cli.console import err, fail
 from spherify.cli.programs import Say
 from spherify.client import Client, ServiceError
 from spherify.formats import write_mesh
@@ -19,12 +22,27 @@ FIELDS: Final[dict[str, str | list[str]]] = {"tags": TAG, "iterations": "600", "
 LOOK_S: Final = 0.5
 
 
-class Gallery:
-    """Submits one run after another in the background, each when nobody else waits; a context manager.
+def gallery(
+    *,
+    url: Annotated[
+        str, typer.Option(help="Where the service is.", envvar="SPHERIFY_URL")
+    ] = "http://127.0.0.1:8000",
+) -> None:
+    """Give a running service's page its gallery: the paper's shapes with a finished run each, as `up` does by itself.
 
-    It does so on a service that has no jobs at all, or goes on with a gallery that it began before: what is there
-    by name is not made again.
+    Nothing is done on a service that has jobs and no gallery; one that was begun is gone on with. Ends with 0 when the
+    last run is submitted, 1 if the service fails.
     """
+    try:
+        with Client(url) as client:
+            if not fill(client, threading.Event(), lambda _, words: err.print(words, markup=False)):
+                err.print("no gallery: the service has jobs already")
+    except ServiceError as e:
+        fail(str(e))
+
+
+class Gallery:
+    """Makes the gallery in the background; a context manager."""
 
     def __init__(self, url: str, say: Say) -> None:
         self._url = url
@@ -43,31 +61,39 @@ class Gallery:
     def _run(self) -> None:
         try:
             with Client(self._url) as client:
-                self._fill(client)
+                fill(client, self._stop, self._say)
         except ServiceError as e:  # the service is needed more than its gallery
             self._say("gallery", f"not made: {e}")
 
-    def _fill(self, client: Client) -> None:
-        there = {job["name"] for job in client.jobs(tag=TAG)}
-        if not there and client.jobs():
-            return
-        for name in ORDER:
-            if name in there:
-                continue
-            if not self._idle(client):
-                return
-            with tempfile.TemporaryDirectory(prefix="spherify-gallery-") as folder:
-                path = Path(folder) / f"{name}.obj"
-                path.write_bytes(write_mesh(SAMPLES[name].build(VERTICES), "obj"))
-                client.submit(path, FIELDS | {"name": name})
-            there.add(name)
-        self._say("gallery", f"made: {len(there)} shapes")
 
-    def _idle(self, client: Client) -> bool:
-        """Wait until no job is on its way; returns whether there is still somebody to wait for."""
-        while not self._stop.is_set():
-            counts: dict[str, Any] = client.info()["jobs"] or {}
-            if not any(counts.get(status) for status in ("accepted", "running", "cancelling")):
-                return True
-            self._stop.wait(LOOK_S)
+def fill(client: Client, stop: threading.Event, say: Say) -> bool:
+    """Submit one run after another, each when nobody else waits.
+
+    It does so on a service that has no jobs at all, or goes on with a gallery that it began before: what is there
+    by name is not made again. Returns whether it is there or begun.
+    """
+    there = {job["name"] for job in client.jobs(tag=TAG)}
+    if not there and client.jobs():
         return False
+    for name in ORDER:
+        if name in there:
+            continue
+        if not _idle(client, stop):
+            return True
+        with tempfile.TemporaryDirectory(prefix="spherify-gallery-") as folder:
+            path = Path(folder) / f"{name}.obj"
+            path.write_bytes(write_mesh(SAMPLES[name].build(VERTICES), "obj"))
+            client.submit(path, FIELDS | {"name": name})
+        there.add(name)
+    say("gallery", f"made: {len(there)} shapes")
+    return True
+
+
+def _idle(client: Client, stop: threading.Event) -> bool:
+    """Wait until no job is on its way; returns whether there is still somebody to wait for."""
+    while not stop.is_set():
+        counts: dict[str, Any] = client.info()["jobs"] or {}
+        if not any(counts.get(status) for status in ("accepted", "running", "cancelling")):
+            return True
+        stop.wait(LOOK_S)
+    return False

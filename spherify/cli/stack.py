@@ -38,6 +38,9 @@ class Address:
     port: int
 
 
+DEFAULT: Final = Address("127.0.0.1", 8000)
+
+
 class Stack:
     """Server, API and workers; a context manager. Start it from a thread that lives as long as it shall."""
 

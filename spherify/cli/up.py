@@ -16,7 +16,7 @@ from spherify import __version__
 from spherify.cli.console import COLOURS, REFUSED, fail
 from spherify.cli.gallery import Gallery
 from spherify.cli.interruption import interruptible
-from spherify.cli.stack import LOOK_S, Address, Stack, StackError
+from spherify.cli.stack import DEFAULT, LOOK_S, Address, Stack, StackError
 from spherify.settings import Settings
 from spherify.stores.embedded import EmbeddedServerError
 
@@ -42,8 +42,10 @@ _saying = threading.Lock()
 
 
 def up(
-    host: Annotated[str, typer.Option(help="Address to listen on; 0.0.0.0 is every one.")] = "127.0.0.1",
-    port: Annotated[int, typer.Option(min=0, max=65535, help="Port to listen on; 0 is any free one.")] = 8000,
+    host: Annotated[str, typer.Option(help="Address to listen on; 0.0.0.0 is every one.")] = DEFAULT.host,
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, help="Port to listen on; 0 is any free one.")
+    ] = DEFAULT.port,
     data: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="Folder for everything that is kept; SPHERIFY_DATA_DIR by default."),

@@ -31,6 +31,7 @@ def test_the_demo_saves_snapshots_and_a_picture_of_a_mesh_of_the_user(tmp_path: 
     printed = [float(text) for text in re.findall(r"\b0\.\d{4}\b", done.out)]
     assert printed, done.out
     assert "Ψ" in done.out
+    assert "web page   `make up` or `spherify up`, then http://127.0.0.1:8000/" in done.out
 
 
 def test_a_mesh_that_is_refused_is_a_sentence_and_nothing_is_left(tmp_path: Path) -> None:

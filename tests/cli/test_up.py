@@ -85,7 +85,7 @@ def test_the_lines_of_the_banner_work(up: Up, tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.glob("*.ply")] == ["quadruped_it00020.ply"]
 
 
-def test_the_first_start_makes_a_gallery_and_the_second_goes_on_with_it(tmp_path: Path) -> None:
+def test_the_first_start_makes_a_gallery_and_a_command_goes_on_with_it(tmp_path: Path) -> None:
     def shapes(client: Client) -> list[str]:
         return [job["name"] for job in client.jobs(tag=TAG)]
 
@@ -99,7 +99,8 @@ def test_the_first_start_makes_a_gallery_and_the_second_goes_on_with_it(tmp_path
         command.process.send_signal(signal.SIGINT)
         assert command.process.wait(30) == 0
     with (
-        running("up", "--port", "0", "--data", "data", cwd=tmp_path) as command,
+        running("up", "--no-gallery", "--port", "0", "--data", "data", cwd=tmp_path) as command,
+        running("gallery", "--url", command.url(), cwd=tmp_path),  # the same by hand, as containers do
         Client(command.url()) as client,
     ):
         wait_for(lambda: len(shapes(client)) >= 3, limit_s=90, what="a third shape")
