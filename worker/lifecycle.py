@@ -17,6 +17,7 @@ from __future__ import annotations
 import logging
 import multiprocessing
 import os
+import signal
 import socket
 from typing import Any
 
@@ -71,7 +72,13 @@ def supervisor() -> Supervisor:
         settings = _Process.settings
         stores = _stores()
         _Process.supervisor = Supervisor(
-            stores.jobs, stores.blobs, stores.queue, settings, Runners(), stopping=stopping
+            stores.jobs,
+            stores.blobs,
+            stores.queue,
+            settings,
+            Runners(),
+            stopping=stopping,
+            give_up=_end_worker,
         )
     return _Process.supervisor
 
@@ -79,6 +86,12 @@ def supervisor() -> Supervisor:
 def keep(delivery_tag: str) -> None:
     """Tell the queue that a delivery is being worked on."""
     _stores().queue.keep(delivery_tag)
+
+
+def _end_worker() -> None:
+    """End this worker as SIGTERM does, to be started again: it cannot do what it is for."""
+    log.error("this worker ends, to be started again: it cannot start runners", extra={"action": "runners"})
+    os.kill(os.getppid(), signal.SIGTERM)
 
 
 def _stores() -> Stores:

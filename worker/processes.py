@@ -15,6 +15,7 @@ from typing import Final, Protocol
 
 from worker.fork_server import FILES
 
+_FATE_S: Final = 2.0  # the fork server has nothing else to do than to tell the end of a runner
 _THREAD_VARIABLES: Final = (
     "OMP_NUM_THREADS",
     "OPENBLAS_NUM_THREADS",
@@ -151,10 +152,11 @@ class _Forked:
 
     def _hear(self, timeout_s: float | None) -> bool:
         """Take in one message, waiting that long; whether one came."""
-        look = select.poll()
-        look.register(self._fate, select.POLLIN)
-        if not look.poll(None if timeout_s is None else timeout_s * 1e3):
+        ready = _readable([self._fate.fileno(), self._handle], timeout_s)
+        if not ready:
             return False
+        if self._fate.fileno() not in ready and not _readable([self._fate.fileno()], _FATE_S):
+            self._server.kill()  # the runner has ended and it does not say so: it stands still
         message, handles, _, _ = socket.recv_fds(self._fate, 32, 1)
         if handles:
             self._pid, self._handle = int(message), handles[0]
@@ -165,6 +167,15 @@ class _Forked:
         if self._handle >= 0:
             os.close(self._handle)
         return True
+
+
+def _readable(files: list[int], timeout_s: float | None) -> set[int]:
+    """Return which of these can be read (a process's handle: when it has ended), waiting that long for the first."""
+    look = select.poll()
+    for number in files:
+        if number >= 0:
+            look.register(number, select.POLLIN)
+    return {number for number, _ in look.poll(None if timeout_s is None else timeout_s * 1e3)}
 
 
 def _python(module: str, stdin: int, stdout: int | None = None) -> subprocess.Popen[bytes]:

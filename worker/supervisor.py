@@ -11,32 +11,34 @@ import subprocess
 import time
 import uuid
 from collections.abc import Callable
-from dataclasses import replace
 from enum import Enum
-from typing import Any, Final, TypeVar
+from typing import Any, Final
 
 from spherify.jobs.accounts import write_account
 from spherify.jobs.codec import load_outcome, load_progress
-from spherify.jobs.errors import JobsError, StorageFullError, StoreUnavailableError
+from spherify.jobs.errors import StorageFullError, StoreUnavailableError
 from spherify.jobs.model import JobError, JobStatus, Outcome, Progress
 from spherify.jobs.outcome import DEADLINE_ADVICE, internal_error
 from spherify.jobs.ports import BlobStore, Claim, ClaimOutcome, JobQueue, JobStore, Renewal
-from spherify.jobs.results import Result, publish_result, read_result, write_result
-from spherify.jobs.settle import settle
+from spherify.jobs.results import read_result
 from spherify.settings import Settings
+from worker.ending import Ending, insist, say
 from worker.orders import CANCEL_SIGNAL, HAND_ON_SIGNAL, Order
-from worker.outbox import Outbox
 from worker.runners import Runner, Runners
 
 LOOK_S: Final = 0.5  # a cancel is seen this soon, however rare the heartbeats are
 FENCE_SHARE: Final = (
     0.8  # of the lease: a worker that cannot renew for this long gives up before others may begin
 )
-COMMIT_S: Final = 15.0  # how long the end of a job is offered to a server that does not answer
+START_S: Final = (
+    120.0  # a runner that is not ready by then never will be: the first one on a machine makes machine code
+)
+FAILED_STARTS: Final = (
+    3  # in a row, after which the worker gives up: another one, or the next life of it, may do better
+)
 _LEAST_S: Final = 3.0  # time for an attempt at a job whose limit is over, in which the runner tells so
 _SPARE_S: Final = 0.5  # a brief job is not to share its processor with the start of a spare
 _TICK_S: Final = 0.25
-T = TypeVar("T")
 log = logging.getLogger(__name__)
 
 
@@ -49,6 +51,7 @@ class Verdict(Enum):
     CANCELLED = "cancelled"  # it was told to, and did not say how it ended
     OVERDUE = "overdue"  # it outran its limit, even after it was told to stop
     FENCED = "fenced"  # the job is somebody else's now, or may be
+    UNBORN = "unborn"  # there never was one: this worker cannot start runners
 
 
 class Supervisor:
@@ -63,13 +66,34 @@ class Supervisor:
         runners: Runners,
         *,
         stopping: Callable[[], bool] = lambda: False,
+        give_up: Callable[[], None] = lambda: None,
     ) -> None:
+        """Take what is needed.
+
+        Args:
+            jobs: the records.
+            blobs: the files.
+            queue: the way to other workers.
+            settings: limits and times.
+            runners: the processes that compute.
+            stopping: whether this worker is to end.
+            give_up: called when it cannot start runners, and should end.
+
+        """
         self.jobs = jobs
         self.blobs = blobs
         self.queue = queue
         self.settings = settings
         self.runners = runners
         self.stopping = stopping
+        self._give_up = give_up
+        self._failed_starts = 0
+
+    def started(self, well: bool) -> None:
+        """Count starts of runners that failed, and give up after some in a row."""
+        self._failed_starts = 0 if well else self._failed_starts + 1
+        if self._failed_starts >= FAILED_STARTS:
+            self._give_up()
 
     def run(self, job_id: str, worker: str, keep_delivery: Callable[[], None] = lambda: None) -> None:
         """Do one delivery; returns when the job has ended, was handed on, or is not ours.
@@ -86,9 +110,9 @@ class Supervisor:
         claimant = uuid.uuid4().hex  # an answer that is lost on the way is given again
         claim = insist(lambda: self.jobs.claim(job_id, worker, claimant))
         if claim.outcome is not ClaimOutcome.CLAIMED:
-            _say(logging.INFO, job_id, "drop", f"dropped: {claim.outcome}")
+            say(logging.INFO, job_id, "drop", f"dropped: {claim.outcome}")
             return
-        _say(
+        say(
             logging.INFO,
             job_id,
             "claim",
@@ -115,11 +139,11 @@ class _Attempt:
         self._jobs = boss.jobs
         self._settings = boss.settings
         self._job_id = job_id
-        self._token = token = claim.token
+        self._token = claim.token
         self._claim = claim
         self._limit_s = max(boss.settings.wall_limit_s - claim.spent_s, _LEAST_S)
         self._keep_delivery = keep_delivery
-        self._outbox = Outbox(boss.jobs, job_id, token)
+        self._ending = Ending(boss.jobs, boss.blobs, boss.queue, job_id, claim.token)
         now = time.monotonic()
         self._began = self._renewed_at = now
         self._look_at = now
@@ -127,16 +151,21 @@ class _Attempt:
         self._told: Verdict | None = None
         self._told_at = now
         self._killed = False
+        self._ready = False
         self._last: dict[str, Any] | None = None
 
     def go(self) -> None:
         """Carry the attempt through."""
         earlier = read_result(self._boss.blobs, self._job_id)
         if earlier is not None:  # an attempt died between the file and the record
-            self._adopt(earlier)
+            self._ending.adopt(earlier)
             return
         self._keep_account()
-        runner = self._boss.runners.take()
+        try:
+            runner = self._boss.runners.take()
+        except OSError as e:  # no process, no pipe: this machine is at its end, and not the job
+            self._never_began(repr(e))
+            return
         try:
             runner.start(
                 Order(
@@ -154,7 +183,7 @@ class _Attempt:
             verdict = self._watch(runner)
         except SystemExit:  # Celery's cold shutdown
             runner.kill()
-            self._hand_on()
+            self._ending.hand_on()
             raise
         finally:
             exit_code = self._end_of(runner)
@@ -166,20 +195,22 @@ class _Attempt:
         try:
             write_account(self._boss.blobs, self._job_id, self._claim)
         except StorageFullError as e:
-            self._say(logging.WARNING, "account", f"what was spent is not written: {e}")
+            self._ending.say(logging.WARNING, "account", f"what was spent is not written: {e}")
 
     def put_off(self, error: StoreUnavailableError) -> None:
         """Hand on because the files cannot be reached, which is neither a loss nor an end."""
-        self._say(logging.WARNING, "put-off", f"its files cannot be reached: {error}")
-        self._hand_on()
+        self._ending.say(logging.WARNING, "put-off", f"its files cannot be reached: {error}")
+        self._ending.hand_on()
 
     def give_up(self, error: Exception) -> None:
         """End after a fault of this process: one of the machine counts as a loss, one of the program as the end."""
         if isinstance(error, OSError):
-            self._lose(repr(error))
+            self._ending.lose(repr(error))
         else:
             ours = internal_error(self._job_id, f"{type(error).__name__}: {error}")
-            self._commit_new(Outcome(JobStatus.FAILED, best_iteration=self._outbox.best, error=ours), None)
+            self._ending.commit(
+                Outcome(JobStatus.FAILED, best_iteration=self._ending.outbox.best, error=ours), None
+            )
 
     def _end_of(self, runner: Runner) -> int:
         """See the process out and return its exit code; one that goes on in spite of its last word is killed."""
@@ -200,6 +231,9 @@ class _Attempt:
             if fenced or now - self._renewed_at > FENCE_SHARE * self._settings.lease_s:
                 runner.kill()
                 return Verdict.FENCED
+            if not self._ready and now - self._began > START_S:
+                runner.kill()
+                return self._verdict()
             if runner.ended or self._last is not None:
                 return self._verdict()
             self._steer(runner, now)
@@ -208,9 +242,11 @@ class _Attempt:
 
     def _hear(self, event: dict[str, Any]) -> None:
         if event["event"] == "ready":
-            self._say(logging.INFO, "start", f"under token {self._token}, process {event['pid']}")
+            self._ready = True
+            self._boss.started(True)
+            self._ending.say(logging.INFO, "start", f"under token {self._token}, process {event['pid']}")
         elif event["event"] in {"snapshot", "report"}:
-            self._outbox.take_in(event)
+            self._ending.outbox.take_in(event)
             self._look_at = 0.0  # tell it at once
         else:
             self._last = event
@@ -220,7 +256,7 @@ class _Attempt:
         self._look_at = now + min(LOOK_S, self._settings.heartbeat_s)
         try:
             renewal = self._jobs.renew(self._job_id, self._token)
-            if renewal is Renewal.FENCED or not self._outbox.flush():
+            if renewal is Renewal.FENCED or not self._ending.outbox.flush():
                 return False
             self._renewed_at = now
             if renewal is Renewal.CANCEL:
@@ -229,7 +265,7 @@ class _Attempt:
                 self._beat_at = now + self._settings.heartbeat_s
                 self._keep_delivery()
         except StoreUnavailableError as e:
-            self._say(logging.WARNING, "heartbeat", f"the job store does not answer: {e}")
+            self._ending.say(logging.WARNING, "heartbeat", f"the job store does not answer: {e}")
         return True
 
     def _steer(self, runner: Runner, now: float) -> None:
@@ -241,7 +277,7 @@ class _Attempt:
         deaf = self._told is not None and now - self._told_at > grace
         if overdue or deaf:
             if not self._killed:
-                self._say(logging.WARNING, "kill", f"the runner did not stop within {grace:g} s")
+                self._ending.say(logging.WARNING, "kill", f"the runner did not stop within {grace:g} s")
             self._told = self._told or Verdict.OVERDUE
             self._killed = True
             runner.kill()  # its last words are still in the pipe, and then its end
@@ -254,137 +290,48 @@ class _Attempt:
 
     def _verdict(self) -> Verdict:
         if self._last is None:
-            return self._told or Verdict.DIED
+            return self._told or (Verdict.DIED if self._ready else Verdict.UNBORN)
         return Verdict.ENDED if self._last["event"] != "handed-on" else self._told or Verdict.STOPPED
 
     # Concluding
 
     def _conclude(self, verdict: Verdict, exit_code: int) -> None:
         if verdict is Verdict.FENCED:
-            self._say(logging.WARNING, "fenced", "the job is not ours any more: the runner was killed")
-            self._hand_on()  # if it is, because nobody could take it: the server was away for all
+            self._ending.say(logging.WARNING, "fenced", "the job is not ours any more: the runner was killed")
+            self._ending.hand_on()  # if it is, because nobody could take it: the server was away for all
         elif verdict is Verdict.STOPPED:
-            self._hand_on()
+            self._ending.hand_on()
+        elif verdict is Verdict.UNBORN:
+            self._never_began(f"no runner was ready, exit code {exit_code}")
         elif verdict is Verdict.DIED and exit_code < 0:
-            self._lose(f"the runner ended without a word, exit code {exit_code}")
+            self._ending.lose(f"the runner ended without a word, exit code {exit_code}")
         else:
-            self._commit_new(*self._end(verdict, exit_code))
+            self._ending.commit(*self._end(verdict, exit_code))
 
     def _end(self, verdict: Verdict, exit_code: int) -> tuple[Outcome, Progress | None]:
         """Return the end as the runner told it, or as it must be told for it."""
         told = self._last if verdict is Verdict.ENDED else None
         if told is not None and told["event"] == "end":
-            self._outbox.add_rows(told["rows"])
+            self._ending.outbox.add_rows(told["rows"])
             outcome = load_outcome(told["outcome"])
             return outcome, load_progress(told["progress"])
         if told is not None:
             error = JobError(told["code"], told["detail"])
-            return Outcome(JobStatus.FAILED, best_iteration=self._outbox.best, error=error), None
+            return Outcome(JobStatus.FAILED, best_iteration=self._ending.outbox.best, error=error), None
         if verdict is Verdict.DIED:  # by itself, and not by a signal: it would again
             error = internal_error(self._job_id, f"the runner ended with exit code {exit_code}")
-            return Outcome(JobStatus.FAILED, best_iteration=self._outbox.best, error=error), None
+            return Outcome(JobStatus.FAILED, best_iteration=self._ending.outbox.best, error=error), None
         if verdict is Verdict.OVERDUE:
             limit = self._settings.wall_limit_s
             error = JobError(
                 "deadline", f"{limit:g} s were over, and the runner was stopped; {DEADLINE_ADVICE}"
             )
-            last, best = self._outbox.latest, self._outbox.best
+            last, best = self._ending.outbox.latest, self._ending.outbox.best
             return Outcome(JobStatus.FAILED, "deadline", None, last, best, error), None
-        return Outcome(JobStatus.CANCELLED, best_iteration=self._outbox.best), None
+        return Outcome(JobStatus.CANCELLED, best_iteration=self._ending.outbox.best), None
 
-    def _commit_new(self, outcome: Outcome, progress: Progress | None) -> None:
-        """Make the end durable, then tell the record."""
-        sealed = self._insist(lambda: self._jobs.seal(self._job_id, self._token))
-        if sealed is None or sealed is Renewal.FENCED:
-            self._say(logging.WARNING, "fenced", "it ended, but the job is not ours any more")
-            return
-        if sealed is Renewal.CANCEL:
-            outcome = Outcome(
-                JobStatus.CANCELLED, stop_reason="cancelled", best_iteration=outcome.best_iteration
-            )
-        job = self._insist(lambda: self._jobs.get(self._job_id))
-        mine = Result(
-            self._job_id,
-            self._token,
-            outcome,
-            progress,
-            self._outbox.snapshots,
-            self._outbox.rows,
-            started_at=None if job is None else job.started_at,
-            attempt=0 if job is None else job.attempt,
-            losses=0 if job is None else job.losses,
-        )
-        try:
-            result = write_result(self._boss.blobs, mine)
-        except StorageFullError as e:  # the record alone must say it
-            error = JobError("storage-full", f"{e}: delete jobs that are no longer needed")
-            outcome = replace(outcome, status=JobStatus.FAILED, error=error)
-        else:
-            if result is not mine:
-                self._adopt(result)
-                return
-        self._outbox.send_end(progress)
-        if self._insist(lambda: self._jobs.commit(self._job_id, self._token, outcome)):
-            self._committed(outcome)
-
-    def _adopt(self, result: Result) -> None:
-        """Tell the record of an end that another attempt wrote and did not live to tell."""
-        self._say(logging.INFO, "adopt", f"ended under token {result.token}")
-        if self._insist(lambda: publish_result(self._jobs, self._token, result)):
-            self._committed(result.outcome)
-
-    def _committed(self, outcome: Outcome) -> None:
-        why = outcome.stop_reason or (outcome.error.code if outcome.error is not None else "")
-        self._say(logging.INFO, "commit", f"{outcome.status}: {why}")
-        try:
-            settle(self._jobs, self._boss.blobs, self._job_id)
-        except JobsError as e:
-            self._say(logging.WARNING, "settle", f"not settled, the reconciler will: {e}")
-
-    def _hand_on(self) -> None:
-        if self._insist(lambda: self._jobs.release(self._job_id, self._token)):
-            self._say(logging.INFO, "hand-on", "stopped at a checkpoint for another worker")
-            self._send()
-
-    def _lose(self, why: str) -> None:
-        self._say(logging.WARNING, "lose", why)
-        if self._insist(lambda: self._jobs.lose(self._job_id, self._token)):
-            self._send()
-
-    def _send(self) -> None:
-        try:
-            self._boss.queue.send(self._job_id, ahead=True)
-        except StoreUnavailableError:
-            self._say(logging.WARNING, "send", "not sent: the reconciler will")
-
-    def _insist(self, write: Callable[[], T]) -> T | None:
-        """Write to the record, for a while even if the server does not answer; None if it never did."""
-
-        def flush_and_write() -> T:
-            self._outbox.flush()
-            return write()
-
-        try:
-            return insist(flush_and_write)
-        except StoreUnavailableError as e:
-            self._say(logging.ERROR, "give-up", f"the job store does not answer: {e}")
-            return None
-
-    def _say(self, level: int, action: str, sentence: str) -> None:
-        _say(level, self._job_id, action, sentence)
-
-
-def insist(call: Callable[[], T]) -> T:
-    """Call for a while until the server answers; raises its last `StoreUnavailableError`."""
-    till = time.monotonic() + COMMIT_S
-    while True:
-        try:
-            return call()
-        except StoreUnavailableError:
-            if time.monotonic() > till:
-                raise
-            time.sleep(_TICK_S)
-
-
-def _say(level: int, job_id: str, action: str, sentence: str) -> None:
-    log.log(level, sentence, extra={"job_id": job_id, "action": action})
+    def _never_began(self, why: str) -> None:
+        """Hand on a job that this worker could not even begin: it is not to blame, and no loss is counted."""
+        self._ending.say(logging.ERROR, "unborn", why)
+        self._ending.hand_on()
+        self._boss.started(False)

@@ -174,6 +174,31 @@ def test_a_server_that_dies_takes_its_runner_along_and_is_replaced(
     assert forked.server_pid != server
 
 
+@pytest.mark.parametrize("begun", [True, False], ids=["computing", "not-there-yet"])
+def test_a_server_that_stands_still_does_not_keep_anybody_waiting(
+    forked: Runners, blobs: FolderBlobStore, begun: bool
+) -> None:
+    ready(forked.take()).kill()
+    server = forked.server_pid
+    assert server is not None
+    runner = forked.take()
+    runner.start(order(blobs, **ENDLESS))
+    if begun:
+        ready(runner)
+    else:
+        runner.kill()
+        runner = forked.take()
+        server = forked.server_pid
+        assert server is not None
+    os.kill(server, signal.SIGSTOP)
+    runner.kill()
+    assert runner.wait(10) == -signal.SIGKILL
+    wait_for(lambda: not is_running(server))
+    after = forked.take()
+    after.start(order(blobs))
+    assert events_of(after)[-1]["event"] == "end"
+
+
 def test_a_limit_of_memory_is_that_of_one_job(forked: Runners, blobs: FolderBlobStore) -> None:
     runner = ready(forked.take())
     size = int(Path(f"/proc/{runner.pid}/statm").read_text().split()[0]) * os.sysconf("SC_PAGE_SIZE")
@@ -198,7 +223,9 @@ def test_nothing_is_left_open_after_fifty_runners(forked: Runners, blobs: Folder
     for _ in range(50):
         one()
     assert files_of(os.getpid()) == ours
-    assert files_of(forked.server_pid) == its
+    wait_for(
+        lambda: files_of(forked.server_pid or 0) == its
+    )  # it closes the last one after it has told its end
     assert Path(f"/proc/{forked.server_pid}/task/{forked.server_pid}/children").read_text() == ""
 
 

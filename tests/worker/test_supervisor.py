@@ -6,11 +6,9 @@ import dataclasses
 import logging
 import os
 import signal
-from collections.abc import Callable, Iterable, Iterator
-from pathlib import Path
+from collections.abc import Callable, Iterable
 
 import pytest
-import redis
 
 from spherify.jobs import layout
 from spherify.jobs.cancel import cancel
@@ -23,50 +21,13 @@ from spherify.jobs.submit import submit
 from spherify.settings import Settings
 from spherify.stores import keys
 from spherify.stores.blobs import FolderBlobStore
-from spherify.stores.connect import Stores, open_stores
+from spherify.stores.connect import Stores
 from spherify.stores.embedded import EmbeddedServer
 from spherify.stores.redis_jobs import RedisJobStore
-from tests.jobs.examples import ENDLESS, job_spec, stone, store_mesh
-from tests.stack import wait_for
-from worker.runners import Runner, Runners
+from tests.jobs.examples import job_spec
+from tests.worker.supervised import Watched, endless
+from worker.runners import Runner
 from worker.supervisor import Supervisor
-
-
-class Watched(Runners):
-    """Runners of which the last one handed out is known."""
-
-    last: Runner
-
-    def take(self) -> Runner:
-        self.last = super().take()
-        return self.last
-
-    def warm_up(self) -> None:
-        """Wait for the fork server, so that a time limit is not spent on its imports."""
-        first = super().take()
-        wait_for(lambda: first.events(0.1))
-        first.kill()
-        assert first.wait(5) == -signal.SIGKILL
-
-
-@pytest.fixture
-def runners() -> Iterator[Watched]:
-    runners = Watched()
-    yield runners
-    runners.close()
-
-
-@pytest.fixture
-def settings(server: EmbeddedServer, client: redis.Redis, tmp_path: Path) -> Settings:
-    return Settings(redis_url=server.url, data_dir=tmp_path, cancel_grace_s=0.5)
-
-
-@pytest.fixture
-def stores(settings: Settings) -> Iterator[Stores]:
-    stores = open_stores(settings)
-    store_mesh(stores.meshes, stores.blobs, stone())
-    yield stores
-    stores.close()
 
 
 def supervise(
@@ -95,10 +56,6 @@ def when_computing(stores: Stores, job_id: str, do: Callable[[], object]) -> Cal
         return False
 
     return tick
-
-
-def endless(stores: Stores) -> str:
-    return submit(stores.jobs, stores.blobs, stores.queue, job_spec(**ENDLESS, snapshots="2")).id
 
 
 def test_a_runner_that_is_deaf_to_a_cancel_is_killed(
@@ -178,7 +135,7 @@ def test_a_server_that_was_away_longer_than_the_lease_costs_no_loss(
                 os.kill(pid, signal.SIGCONT)
 
     waking = Waking()
-    logging.getLogger("worker.supervisor").addHandler(waking)
+    logging.getLogger("worker.ending").addHandler(waking)
     asleep: list[bool] = []
 
     def tick() -> bool:
@@ -192,7 +149,7 @@ def test_a_server_that_was_away_longer_than_the_lease_costs_no_loss(
         job = supervise(stores, brief, runners, job_id, each_tick=tick)
     finally:
         os.kill(pid, signal.SIGCONT)
-        logging.getLogger("worker.supervisor").removeHandler(waking)
+        logging.getLogger("worker.ending").removeHandler(waking)
     assert (job.status, job.losses, job.attempt) == (JobStatus.ACCEPTED, 0, 1)
     assert not runners.last.alive
 
@@ -243,13 +200,20 @@ def test_a_fault_of_ours_is_named_and_not_tried_again(
 def test_a_fault_of_the_supervisor_itself_does_not_wait_for_the_lease(
     stores: Stores, settings: Settings, fault: type[Exception], status: JobStatus, losses: int
 ) -> None:
+    def fail(_: object) -> None:
+        raise fault
+
     class Faulty(Watched):
         def take(self) -> Runner:
-            raise fault
+            runner = super().take()
+            runner.start = fail  # type: ignore[method-assign]
+            return runner
 
     job_id = endless(stores)
+    faulty = Faulty()
     with pytest.raises(fault):
-        Supervisor(stores.jobs, stores.blobs, stores.queue, settings, Faulty()).run(job_id, "w")
+        Supervisor(stores.jobs, stores.blobs, stores.queue, settings, faulty).run(job_id, "w")
+    faulty.close()
     job = stores.jobs.get(job_id)
     assert (job.status, job.losses) == (status, losses)
     assert (job.error is not None and job.error.code == "internal-error") == (status is JobStatus.FAILED)

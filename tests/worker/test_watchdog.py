@@ -94,3 +94,20 @@ def test_a_worker_whose_slots_are_all_taken_is_left_alone(tmp_path: Path) -> Non
         assert (jobs.get(running).status, jobs.get(running).attempt) == (JobStatus.RUNNING, 1)
         assert jobs.get(waiting).status is JobStatus.ACCEPTED
         assert "watchdog" not in stack.log("worker-0").read_text()
+
+
+def test_a_worker_that_cannot_start_runners_ends_and_another_does_its_job(tmp_path: Path) -> None:
+    with started_stack(tmp_path, workers=0, api=False) as stack:
+        jobs, blobs, queue = stack.stores.jobs, stack.stores.blobs, stack.stores.queue
+        store_mesh(stack.stores.meshes, blobs, stone())
+        job_id = submit(jobs, blobs, queue, job_spec()).id
+        broken = stack.start_worker(
+            "broken", program="tests.worker.sabotage", environment={"NO_RUNNERS": "1"}, until_ready=False
+        )
+        assert broken.wait(60) == 0
+        del stack.workers["broken"]
+        assert '"action": "runners"' in stack.log("worker-broken").read_text()
+        job = jobs.get(job_id)
+        assert (job.status, job.losses) == (JobStatus.ACCEPTED, 0)
+        stack.start_worker("whole")
+        wait_for(lambda: jobs.get(job_id).status is JobStatus.SUCCESSFUL)

@@ -1,0 +1,142 @@
+"""How an attempt leaves its job: ended, adopted, handed on or lost.
+
+All of it is written under the attempt's fencing token only, and offered for a while to a server that does not answer.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Final, TypeVar
+
+from spherify.jobs.errors import JobsError, StorageFullError, StoreUnavailableError
+from spherify.jobs.model import JobError, JobStatus, Outcome, Progress
+from spherify.jobs.ports import BlobStore, JobQueue, JobStore, Renewal
+from spherify.jobs.results import Result, publish_result, write_result
+from spherify.jobs.settle import settle
+from worker.outbox import Outbox
+
+COMMIT_S: Final = 15.0  # how long the end of a job is offered to a server that does not answer
+_TICK_S: Final = 0.25
+T = TypeVar("T")
+log = logging.getLogger(__name__)
+
+
+class Ending:
+    """The ways out of a claimed job.
+
+    Attributes:
+        outbox: what the runner said and the record does not know yet; told before anything else.
+
+    """
+
+    def __init__(self, jobs: JobStore, blobs: BlobStore, queue: JobQueue, job_id: str, token: int) -> None:
+        self._jobs = jobs
+        self._blobs = blobs
+        self._queue = queue
+        self._job_id = job_id
+        self._token = token
+        self.outbox = Outbox(jobs, job_id, token)
+
+    def commit(self, outcome: Outcome, progress: Progress | None) -> None:
+        """Make the end durable, then tell the record."""
+        sealed = self._insist(lambda: self._jobs.seal(self._job_id, self._token))
+        if sealed is None or sealed is Renewal.FENCED:
+            self.say(logging.WARNING, "fenced", "it ended, but the job is not ours any more")
+            return
+        if sealed is Renewal.CANCEL:
+            outcome = Outcome(
+                JobStatus.CANCELLED, stop_reason="cancelled", best_iteration=outcome.best_iteration
+            )
+        job = self._insist(lambda: self._jobs.get(self._job_id))
+        mine = Result(
+            self._job_id,
+            self._token,
+            outcome,
+            progress,
+            self.outbox.snapshots,
+            self.outbox.rows,
+            started_at=None if job is None else job.started_at,
+            attempt=0 if job is None else job.attempt,
+            losses=0 if job is None else job.losses,
+        )
+        try:
+            result = write_result(self._blobs, mine)
+        except StorageFullError as e:  # the record alone must say it
+            error = JobError("storage-full", f"{e}: delete jobs that are no longer needed")
+            outcome = replace(outcome, status=JobStatus.FAILED, error=error)
+        else:
+            if result is not mine:
+                self.adopt(result)
+                return
+        self.outbox.send_end(progress)
+        if self._insist(lambda: self._jobs.commit(self._job_id, self._token, outcome)):
+            self._committed(outcome)
+
+    def adopt(self, result: Result) -> None:
+        """Tell the record of an end that another attempt wrote and did not live to tell."""
+        self.say(logging.INFO, "adopt", f"ended under token {result.token}")
+        if self._insist(lambda: publish_result(self._jobs, self._token, result)):
+            self._committed(result.outcome)
+
+    def _committed(self, outcome: Outcome) -> None:
+        why = outcome.stop_reason or (outcome.error.code if outcome.error is not None else "")
+        self.say(logging.INFO, "commit", f"{outcome.status}: {why}")
+        try:
+            settle(self._jobs, self._blobs, self._job_id)
+        except JobsError as e:
+            self.say(logging.WARNING, "settle", f"not settled, the reconciler will: {e}")
+
+    def hand_on(self) -> None:
+        """Let another worker go on, and count no loss."""
+        if self._insist(lambda: self._jobs.release(self._job_id, self._token)):
+            self.say(logging.INFO, "hand-on", "left where it stands, for another worker")
+            self._send()
+
+    def lose(self, why: str) -> None:
+        """Give the job up, and count a loss."""
+        self.say(logging.WARNING, "lose", why)
+        if self._insist(lambda: self._jobs.lose(self._job_id, self._token)):
+            self._send()
+
+    def _send(self) -> None:
+        try:
+            self._queue.send(self._job_id, ahead=True)
+        except StoreUnavailableError:
+            self.say(logging.WARNING, "send", "not sent: the reconciler will")
+
+    def _insist(self, write: Callable[[], T]) -> T | None:
+        """Write to the record, for a while even if the server does not answer; None if it never did."""
+
+        def flush_and_write() -> T:
+            self.outbox.flush()
+            return write()
+
+        try:
+            return insist(flush_and_write)
+        except StoreUnavailableError as e:
+            self.say(logging.ERROR, "give-up", f"the job store does not answer: {e}")
+            return None
+
+    def say(self, level: int, action: str, sentence: str) -> None:
+        """Write a log line about the job."""
+        say(level, self._job_id, action, sentence)
+
+
+def insist(call: Callable[[], T]) -> T:
+    """Call for a while until the server answers; raises its last `StoreUnavailableError`."""
+    till = time.monotonic() + COMMIT_S
+    while True:
+        try:
+            return call()
+        except StoreUnavailableError:
+            if time.monotonic() > till:
+                raise
+            time.sleep(_TICK_S)
+
+
+def say(level: int, job_id: str, action: str, sentence: str) -> None:
+    """Write a log line about a job."""
+    log.log(level, sentence, extra={"job_id": job_id, "action": action})
