@@ -3,7 +3,8 @@
 A blob is one conditional ``PUT`` (``If-None-Match: *``): the server makes it whole or not at all, and of any number of
 writers one wins. An answer can get lost when the blob was made. Each write therefore carries a name of its own among
 the blob's attributes, and whoever is told "exists already" looks whose it is: a write that is repeated is never refused
-because of itself. The sha-256 of the content is kept beside that name, and `read` compares.
+because of itself. The sha-256 of the content goes along as the request's checksum, so that the server stores nothing
+that was cut off, and is kept beside that name: `read` compares.
 
 A blob is at most 5 GiB, which is what S3 takes in one request.
 """
@@ -174,9 +175,7 @@ class S3BlobStore:
                 return BlobStat(key, len(content), float(int(time.time())))
             if found.attributes.get(_WRITER) != attributes[_WRITER]:
                 raise BlobExistsError(f"{key} is written already")
-            if found.meta["size"] != len(
-                content
-            ):  # SeaweedFS takes a request cut off before its body for a whole one
+            if found.meta["size"] != len(content):  # a server that does not compare the checksum it was told
                 obstore.delete(self._client.store, key)
                 raise StoreUnavailableError(f"{key} was not stored whole")
             return _stat(found.meta)

@@ -77,8 +77,11 @@ class S3Client:
             self._bucket,
             prefix=self._prefix or None,
             config={
-                "disable_bulk_delete": True
-            },  # one request a blob either way, and every server knows this one
+                "disable_bulk_delete": True,  # one request a blob either way, and every server knows this one
+                # The server is told what is to come and compares. One that only counts on the length may take a
+                # request cut off before its content for a whole, empty one (SeaweedFS does).
+                "checksum_algorithm": "SHA256",
+            },
             client_options={
                 "timeout": timedelta(seconds=request_s),
                 "connect_timeout": timedelta(seconds=min(_CONNECT_S, request_s)),
