@@ -26,6 +26,7 @@ from service.problems import MEDIA_TYPE, ProblemError
 
 HEADERS_S: Final = 10.0  # from the first byte of a request, or from the connection, to the end of its headers
 ANSWER_S: Final = 60.0  # a client that takes nothing of its answer for this long does not want it
+IDLE_S: Final = 75.0  # between two requests: longer than a client that polls is told to wait
 DESCRIPTORS: Final = 256  # kept back from connections: files, the store, programs that read meshes
 PROBES: Final = frozenset({"/healthz", "/readyz"})
 _CROWDED: Final = "there are {} connections already, and no more are taken"
@@ -155,6 +156,7 @@ def configuration(app: str | Callable[..., Any], **options: Any) -> uvicorn.Conf
         "ws": "none",
         "server_header": False,
         "backlog": 4096,
+        "timeout_keep_alive": IDLE_S,
         "timeout_graceful_shutdown": 5,
         "use_colors": False,
     }
