@@ -56,11 +56,11 @@ export class Chart {
   }
 
   data(rows: readonly Row[], scale: Scale): void {
-    const rebuilt = scale.kind !== this.scale?.kind || scale.last !== this.scale.last;
-    if (!rebuilt && rows === this.rows) return;
+    const same = scale.kind === this.scale?.kind && scale.last === this.scale.last;
+    if (same && rows === this.rows) return;
     this.rows = rows;
     this.scale = scale;
-    if (rebuilt || this.plot === null) this.build();
+    if (this.plot === null) this.build();
     else this.plot.setData(this.columns());
   }
 
@@ -136,8 +136,8 @@ export class Chart {
             ...axis,
             size: 24,
             gap: 4,
-            splits: () => ticks(scale, 4).map((tick) => scale.place(tick)),
-            values: (_, places) => places.map((place) => count(scale.iteration(place))),
+            splits: () => this.ticks().map(([place]) => place),
+            values: () => this.ticks().map(([, tick]) => count(tick)),
           },
           { ...axis, size: 48, gap: 4, values: (_, values) => values.map((value) => figure(value, 3)) },
         ],
@@ -157,6 +157,12 @@ export class Chart {
       this.columns(),
       this.canvas,
     );
+  }
+
+  /** Where to write which iteration. */
+  private ticks(): [number, number][] {
+    const { scale } = this;
+    return scale === null ? [] : ticks(scale, 4).map((tick) => [scale.place(tick), tick]);
   }
 
   private mark(plot: uPlot): void {

@@ -26,6 +26,7 @@ export class Timeline {
   private place: Between = { before: 0, after: 0, blend: 0 };
   private busy = false;
   private reached = 0;
+  private width = 800; // as it was last told: asking would lay the page out anew in every frame
   /** The hill and the marks: made when they change, not in every frame. */
   private outline: { hill: string; marks: string } | null = null;
 
@@ -36,6 +37,10 @@ export class Timeline {
   ) {
     this.element.className = small ? 'timeline small' : 'timeline';
     this.element.setAttribute('aria-label', 'Timeline');
+    new ResizeObserver(() => {
+      this.width = this.element.clientWidth;
+      this.draw();
+    }).observe(this.element);
     this.draw();
   }
 
@@ -177,7 +182,7 @@ export class Timeline {
   }
 
   private ticks(): TemplateResult[] {
-    const many = Math.max(3, Math.floor((this.element.clientWidth || 800) / 110));
+    const many = Math.max(3, Math.floor(this.width / 110));
     return ticks(this.scale, many).map(
       (tick) => html`<span ${at(this.scale.place(tick))}>${count(tick)}</span>`,
     );

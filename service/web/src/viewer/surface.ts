@@ -49,17 +49,33 @@ function exchange(
   attribute.needsUpdate = true;
 }
 
+/** How the surfaces on one canvas are drawn. */
+export class Paints {
+  readonly clay = new SurfaceMaterial();
+  readonly lines: ShaderMaterial = wireMaterial(this.clay);
+
+  dispose(): void {
+    this.clay.dispose();
+    this.lines.dispose();
+  }
+}
+
 /** The triangles on the graphics card: two states at a time, and a share between them. */
 export class SurfaceMesh {
-  readonly material = new SurfaceMaterial();
-  private readonly lines: ShaderMaterial = wireMaterial(this.material);
   private readonly geometry = new BufferGeometry();
-  readonly mesh = new Mesh(this.geometry, this.material);
-  readonly wire = new Mesh(this.geometry, this.lines);
+  readonly mesh: Mesh;
+  readonly wire: Mesh;
   private readonly before: Slot;
   private readonly after: Slot;
 
-  constructor(index: Uint32Array, vertices: number) {
+  /** @param paints of the canvas, which outlive the surface: a new one would have to be compiled. */
+  constructor(
+    private readonly paints: Paints,
+    index: Uint32Array,
+    vertices: number,
+  ) {
+    this.mesh = new Mesh(this.geometry, paints.clay);
+    this.wire = new Mesh(this.geometry, paints.lines);
     this.geometry.setIndex(new BufferAttribute(index, 1));
     this.before = new Slot(this.geometry, ['position', 'shade', 'value'], vertices);
     this.after = new Slot(this.geometry, ['laterPosition', 'laterShade', 'laterValue'], vertices);
@@ -72,12 +88,10 @@ export class SurfaceMesh {
   show(before: Coloured, after: Coloured, blend: number): void {
     this.before.put(before);
     if (blend > 0) this.after.put(after);
-    this.material.blend = blend;
+    this.paints.clay.blend = blend;
   }
 
   dispose(): void {
     this.geometry.dispose();
-    this.material.dispose();
-    this.lines.dispose();
   }
 }

@@ -5,7 +5,7 @@ import type { Faults } from '../mesh/faults';
 import type { Drawable } from '../mesh/tasks';
 import { OrbitCamera } from './camera';
 import { FaultLines } from './faultlines';
-import { SurfaceMesh, type Coloured } from './surface';
+import { Paints, SurfaceMesh, type Coloured } from './surface';
 
 export type ViewerState = 'ready' | 'lost' | 'unsupported';
 
@@ -25,6 +25,7 @@ export class Viewer {
   private readonly scene = new Scene();
   private readonly frame = new Group();
   private readonly sizes: ResizeObserver;
+  private readonly paints = new Paints();
   private surface: SurfaceMesh | null = null;
   private faults: FaultLines | null = null;
   private request = 0;
@@ -65,7 +66,7 @@ export class Viewer {
   /** Put another surface in, scaled to a ball of radius 1 around the origin. */
   load({ index, frame, bounds }: Drawable): void {
     this.clear();
-    this.surface = new SurfaceMesh(index, frame.positions.length / 3);
+    this.surface = new SurfaceMesh(this.paints, index, frame.positions.length / 3);
     this.surface.show({ frame, values: null }, { frame, values: null }, 0);
     this.place(bounds);
     this.frame.add(this.surface.mesh, this.surface.wire);
@@ -87,7 +88,7 @@ export class Viewer {
   }
 
   colours(range: { low: number; high: number; diverging: boolean } | null): void {
-    this.surface?.material.colours(range);
+    this.paints.clay.colours(range);
     this.invalidate();
   }
 
@@ -97,7 +98,7 @@ export class Viewer {
   }
 
   set facets(flat: boolean) {
-    if (this.surface) this.surface.material.facets = flat;
+    this.paints.clay.facets = flat;
     this.invalidate();
   }
 
@@ -142,6 +143,7 @@ export class Viewer {
     this.sizes.disconnect();
     this.camera.dispose();
     this.clear();
+    this.paints.dispose();
     this.canvas.removeEventListener('webglcontextlost', this.lose);
     this.renderer?.dispose();
     this.renderer?.forceContextLoss(); // a browser keeps but a few
@@ -153,6 +155,7 @@ export class Viewer {
       const renderer = new WebGLRenderer({ canvas: this.canvas, antialias: true, alpha: true });
       renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
       renderer.setClearAlpha(0);
+      renderer.debug.checkShaderErrors = false; // asking stops the page until the compiler is done
       return renderer;
     } catch {
       this.state = 'unsupported'; // which the views say in words

@@ -2,6 +2,7 @@ import { asProblem, type Problem } from '../api/problem';
 import { Run } from '../api/run';
 import { FIELD_INFO, type Field, type Range } from '../core/colormap';
 import { Emitter } from '../core/emitter';
+import { Glide } from '../core/glide';
 import { Player } from '../core/player';
 import type { Look, Up } from '../core/route';
 import { between, neighbour, scaleOf, type Between, type Scale, type ScaleKind } from '../core/scale';
@@ -41,7 +42,7 @@ export class Stage extends Emitter {
   private up: Up | null;
   private readonly frames: Frames;
   private opened: 'no' | 'opening' | 'yes' = 'no';
-  private glide: { from: number; to: number; began: number } | null = null;
+  private readonly glide = new Glide();
   private tick = 0;
   private last = 0;
   private closed = false;
@@ -125,7 +126,7 @@ export class Stage extends Emitter {
   toggle(): void {
     this.following = false;
     this.at = this.player.toggle(this.at, this.scale);
-    this.glide = null;
+    this.glide.stop();
     this.animate();
   }
 
@@ -174,7 +175,7 @@ export class Stage extends Emitter {
 
   private stand(at: number): void {
     this.following = !(this.run.state?.job.done ?? true) && at >= (this.states.at(-1) ?? 0);
-    this.glide = null;
+    this.glide.stop();
     this.at = Math.min(Math.max(at, 0), this.states.at(-1) ?? 0);
     this.update();
     this.changed();
@@ -215,15 +216,18 @@ export class Stage extends Emitter {
     return this.closed; // it may be closed while something is awaited
   }
 
+  /** Go to a state as soon as it is here. */
   private glideTo(state: number): void {
-    if (this.at === state || this.glide?.to === state) return;
-    if (reducedMotion() || document.hidden) {
-      this.at = state;
-      this.update();
-      return;
-    }
-    this.glide = { from: this.at, to: state, began: performance.now() };
-    this.animate();
+    if (document.hidden) this.at = state;
+    else this.glide.begin(this.at, state);
+    this.update();
+    if (this.arrived()) this.animate();
+  }
+
+  /** Whether the state that one is to go to is here. */
+  private arrived(): boolean {
+    const { target } = this.glide;
+    return target !== null && this.frames.has(target, this.color);
   }
 
   private animate(): void {
@@ -237,21 +241,23 @@ export class Stage extends Emitter {
   private readonly move = (now: number): void => {
     const seconds = Math.min((now - this.last) / 1000, 0.1);
     this.last = now;
-    if (this.glide) {
-      // it waits for the state it goes to
-      if (!this.frames.has(this.glide.to, this.color)) this.glide.began = now;
-      const share = Math.min((now - this.glide.began) / 1000 / GLIDE_S, 1);
-      const { scale } = this;
-      const [from, to] = [scale.place(this.glide.from), scale.place(this.glide.to)];
-      this.at = share >= 1 ? this.glide.to : scale.iteration(from + (to - from) * share * (2 - share));
-      if (share >= 1) this.glide = null;
+    if (this.arrived()) {
+      const near = neighbour(this.states, this.at, 1) === this.glide.target;
+      this.at = this.glide.at(now, near && !reducedMotion() ? GLIDE_S : 0, this.scale);
     } else if (this.player.playing && this.shown()) {
       this.at = Math.min(this.player.advance(this.at, seconds, this.scale), this.states.at(-1) ?? 0);
     }
     this.update();
-    if (this.glide || this.player.playing) this.tick = requestAnimationFrame(this.move);
-    else this.changed();
+    if (this.arrived() || this.player.playing) this.tick = requestAnimationFrame(this.move);
+    else this.rest();
   };
+
+  /** The movement is over; there may be a newer state by now. */
+  private rest(): void {
+    const newest = this.states.at(-1);
+    if (this.following && newest !== undefined && newest !== this.at) this.glideTo(newest);
+    this.changed();
+  }
 
   private shown(): boolean {
     const { before, after } = between(this.states, this.at, this.scale);
@@ -269,7 +275,8 @@ export class Stage extends Emitter {
 
   private draw(place: Between): void {
     const { before, after, blend } = place;
-    for (const wanted of [before, after, ...this.ahead(after)])
+    const { target } = this.glide;
+    for (const wanted of [...(target === null ? [] : [target]), before, after, ...this.ahead(after)])
       if (!this.frames.has(wanted, this.color)) {
         void this.fetch(wanted);
         break; // one after another, the most wanted first
@@ -324,7 +331,8 @@ export class Stage extends Emitter {
       this.fetching = null;
     }
     if (this.isClosed()) return;
-    this.update();
+    if (this.arrived()) this.animate();
+    else this.update();
     this.changed(); // the legend's numbers came with it
   }
 

@@ -19,6 +19,8 @@ export class Thumbnails extends Emitter {
   /** First what all begin with, then what they became. */
   private readonly queues: readonly [(() => Promise<void>)[], (() => Promise<void>)[]] = [[], []];
   private working = false;
+  private awaited: (() => void) | null = null;
+  private held = false;
   private viewer: Viewer | null = null;
 
   constructor(private readonly worker: MeshWorker) {
@@ -38,20 +40,28 @@ export class Thumbnails extends Emitter {
     return null;
   }
 
+  /** Let them wait while something moves that is looked at: reading a picture back holds the page up. */
+  set hold(held: boolean) {
+    this.held = held;
+    if (!held) this.awaited?.();
+  }
+
   private async work(): Promise<void> {
     this.working = true;
     await painted();
     await idle(); // what the visitor looks at comes first
     for (let next = this.next(); next; next = this.next()) {
+      if (this.held)
+        await new Promise<void>((resolve) => {
+          this.awaited = resolve;
+        });
       try {
         await next();
       } catch {
         // a picture less: its job may have been deleted meanwhile, and its place stays empty
       }
     }
-    this.viewer?.dispose();
-    this.viewer = null;
-    this.working = false;
+    this.working = false; // its canvas stays: making one takes as long as twenty pictures
   }
 
   private next(): (() => Promise<void>) | undefined {
