@@ -86,6 +86,7 @@ def _middleware(settings: Settings) -> list[Middleware]:
         allow_origins=settings.cors_origins,
         allow_methods=["GET", "HEAD", "POST", "PUT", "DELETE"],
         allow_headers=[
+            "Content-Digest",
             "Content-Type",
             "Idempotency-Key",
             "If-None-Match",

@@ -66,10 +66,13 @@ class FileCache:
         max_bytes: what it holds at most, exceeded by a sixteenth until it is noticed.
         min_free_bytes: of the disk, which stay free for others.
 
+    Attributes:
+        folder: where they lie, on a disk that may be another than that of the blobs.
+
     """
 
     def __init__(self, folder: Path, max_bytes: int, min_free_bytes: int) -> None:
-        self._folder = folder
+        self.folder = folder
         self._max_bytes = max_bytes
         self._min_free_bytes = min_free_bytes
         self._added: float = float("inf")  # since the folder was looked through
@@ -104,22 +107,22 @@ class FileCache:
 
     def _open(self, key: str) -> CachedFile | None:
         try:
-            file = (self._folder / key).open("rb")
+            file = (self.folder / key).open("rb")
         except FileNotFoundError:
             return None
         size = os.fstat(file.fileno()).st_size - _DIGEST
         file.seek(size)
         digest = file.read()
         with suppress(FileNotFoundError):  # thrown away just now: the open file stays
-            os.utime(self._folder / key)  # used last, thrown away last
+            os.utime(self.folder / key)  # used last, thrown away last
         return CachedFile(file, size, digest)
 
     def _open_or_build(self, key: str, build: Build, small: bool) -> CachedFile:
         found = self._open(key)
         if found is not None:
             return found
-        self._folder.mkdir(parents=True, exist_ok=True)
-        part = self._folder / f"{uuid.uuid4().hex}{_PART}"
+        self.folder.mkdir(parents=True, exist_ok=True)
+        part = self.folder / f"{uuid.uuid4().hex}{_PART}"
         try:
             return self._built(key, build, part)
         except OSError as e:
@@ -145,14 +148,14 @@ class FileCache:
         except BaseException:
             file.close()
             raise
-        part.rename(self._folder / key)
+        part.rename(self.folder / key)
         self._added += max(size, _BLOCK)
         if self._added > self._max_bytes / _SHARE or self._free() < self._min_free_bytes:
             self._throw_away(min(self._max_bytes, self._used() + self._free() - self._min_free_bytes))
         return CachedFile(file, size, digest)
 
     def _free(self) -> int:
-        return shutil.disk_usage(self._folder).free
+        return shutil.disk_usage(self.folder).free
 
     def _used(self) -> int:
         return sum(size for _, size, _ in self._files())
@@ -160,7 +163,7 @@ class FileCache:
     def _files(self) -> list[tuple[float, int, str]]:
         """Return time of the last use, size and path of every file."""
         found = []
-        with os.scandir(self._folder) as entries:
+        with os.scandir(self.folder) as entries:
             for entry in entries:
                 with suppress(FileNotFoundError):  # thrown away by another process
                     stat = entry.stat()

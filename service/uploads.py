@@ -18,9 +18,10 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 from anyio import to_thread
+from fastapi import Depends, Header
 from starlette.requests import Request
 
 from service.problems import ProblemError, problem_of
@@ -184,6 +185,20 @@ async def raw_upload(
             file.feed(piece)
             await file.flush_if_full()
         yield await file.finish(name)
+
+
+async def _described(
+    content_digest: Annotated[
+        str | None,
+        Header(
+            description="`sha-256=:…:` (RFC 9530): what arrives with another one is refused, and leaves nothing."
+        ),
+    ] = None,
+) -> None:
+    """Describe the header; `body` compares."""
+
+
+DIGEST: Final = Depends(_described)
 
 
 def _announced_digest(request: Request) -> bytes | None:

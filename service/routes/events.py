@@ -14,7 +14,7 @@ from service.events import EventStream, Teller, last_event_id, was_last
 from service.identifiers import JobId
 from service.queries import KNOWN_QUERY
 
-router = APIRouter(tags=["Jobs"])
+router = APIRouter(tags=["Jobs"], dependencies=[KNOWN_QUERY])
 KIND: Final = "text/event-stream"
 EXAMPLE: Final = """retry: 1000
 
@@ -41,7 +41,6 @@ id: 88.1000.done
 @router.get(
     "/v1/jobs/{job_id}/events",
     operation_id="followJob",
-    dependencies=[KNOWN_QUERY],
     summary="Follow a job as it runs",
     response_class=Response,
     responses={

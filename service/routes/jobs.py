@@ -24,7 +24,7 @@ from service.repeats import IDEMPOTENT, Identity, once
 from service.requests import TAG, JobPlan, JobRequest, parse_allow, parse_form, parse_json, plan, plan_form
 from service.samples import take_in_state
 from service.schemas import JobOut, PageOut, job_out
-from service.uploads import small_body
+from service.uploads import DIGEST, small_body
 from service.waiting import PREFER, Wait, after_waiting, awaited
 from spherify.jobs.cancel import cancel
 from spherify.jobs.delete import delete_job
@@ -33,7 +33,7 @@ from spherify.jobs.model import Job, JobSpec, JobStatus, MeshRecord
 from spherify.jobs.ports import CancelOutcome
 from spherify.jobs.submit import submit
 
-router = APIRouter(prefix="/v1/jobs", tags=["Jobs"])
+router = APIRouter(prefix="/v1/jobs", tags=["Jobs"], dependencies=[KNOWN_QUERY])
 log = logging.getLogger(__name__)
 MAX_JSON_BYTES = 1024 * 1024
 DryRun = Annotated[bool, Query(description="Check everything, and make no job.")]
@@ -67,7 +67,7 @@ def _submit_known(services: Services, spec: JobSpec, pointer: str) -> Job:
 @router.post(
     "",
     operation_id="createJob",
-    dependencies=[KNOWN_QUERY, IDEMPOTENT, PREFER],
+    dependencies=[IDEMPOTENT, PREFER, DIGEST],
     summary="Morph a mesh",
     status_code=HTTPStatus.CREATED,
     response_model=JobOut,
@@ -162,7 +162,6 @@ async def _from_form(request: Request, services: Services, *, dry_run: bool) -> 
 @router.get(
     "",
     operation_id="listJobs",
-    dependencies=[KNOWN_QUERY],
     summary="List jobs, newest first",
     response_model=PageOut[JobOut],
     responses={HTTPStatus.OK: {"headers": doc.LINK}, **doc.problems("invalid-parameters", *doc.STORES)},
@@ -201,7 +200,6 @@ def list_jobs(
 @router.get(
     "/{job_id}",
     operation_id="getJob",
-    dependencies=[KNOWN_QUERY],
     summary="Look at a job",
     response_model=JobOut,
     responses={

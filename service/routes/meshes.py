@@ -20,11 +20,11 @@ from service.queries import KNOWN_QUERY
 from service.repeats import IDEMPOTENT, Identity, once
 from service.requests import MAX_NAME, parse_allow
 from service.schemas import MeshOut, PageOut, mesh_out
-from service.uploads import raw_upload
+from service.uploads import DIGEST, raw_upload
 from spherify.jobs.delete import delete_mesh
 from spherify.jobs.model import MeshRecord
 
-router = APIRouter(prefix="/v1/meshes", tags=["Meshes"])
+router = APIRouter(prefix="/v1/meshes", tags=["Meshes"], dependencies=[KNOWN_QUERY])
 _KNOWN = {"description": "These bytes are known already: the record they have.", "headers": doc.LOCATION}
 _UPLOADED = doc.problems(
     "malformed-multipart",
@@ -46,7 +46,7 @@ def _answer(request: Request, record: MeshRecord, new: bool) -> Response:
 @router.post(
     "",
     operation_id="createMesh",
-    dependencies=[KNOWN_QUERY, IDEMPOTENT],
+    dependencies=[IDEMPOTENT, DIGEST],
     summary="Upload a mesh as a form",
     status_code=HTTPStatus.CREATED,
     response_model=MeshOut,
@@ -82,7 +82,7 @@ async def create_mesh(request: Request, context: Context) -> Response:
 @router.put(
     "",
     operation_id="putMesh",
-    dependencies=[KNOWN_QUERY],
+    dependencies=[DIGEST],
     summary="Upload a mesh as it is",
     status_code=HTTPStatus.CREATED,
     response_model=MeshOut,
@@ -111,7 +111,6 @@ async def put_mesh(
 @router.get(
     "",
     operation_id="listMeshes",
-    dependencies=[KNOWN_QUERY],
     summary="List meshes, newest first",
     response_model=PageOut[MeshOut],
     responses={HTTPStatus.OK: {"headers": doc.LINK}, **doc.problems("invalid-parameters", *doc.STORES)},

@@ -33,6 +33,7 @@ router = APIRouter(tags=["Service"])
 @router.get(
     "/v1/info",
     operation_id="getInfo",
+    dependencies=[KNOWN_QUERY],
     summary="What this service is, and its limits",
     response_model=InfoOut,
     responses=doc.problems(),
@@ -45,6 +46,7 @@ def get_info(request: Request, context: Context) -> Response:
 @router.get(
     "/v1/presets",
     operation_id="getPresets",
+    dependencies=[KNOWN_QUERY],
     summary="The presets",
     response_model=PresetsOut,
     responses=doc.problems(),
@@ -57,6 +59,7 @@ async def get_presets(request: Request) -> Response:
 @router.get(
     "/v1/parameters",
     operation_id="getParameters",
+    dependencies=[KNOWN_QUERY],
     summary="The parameters as JSON Schema",
     response_model=ParametersOut,
     responses=doc.problems(),

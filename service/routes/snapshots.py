@@ -31,7 +31,7 @@ from spherify.formats import FORMATS_OUT
 from spherify.jobs.errors import JobNotFinishedError
 from spherify.jobs.model import Job, MeshRecord
 
-router = APIRouter(prefix="/v1/jobs/{job_id}", tags=["Snapshots"])
+router = APIRouter(prefix="/v1/jobs/{job_id}", tags=["Snapshots"], dependencies=[KNOWN_QUERY])
 VARY = "Accept"
 
 
@@ -160,6 +160,12 @@ def get_metrics(request: Request, context: Context, job_id: JobId) -> Response:
             "content": {"text/csv": {"schema": {"type": "string"}}},
             "headers": doc.FILE,
         },
+        HTTPStatus.PARTIAL_CONTENT: {
+            "description": "The range that was asked for.",
+            "content": {"text/csv": {"schema": {"type": "string"}}},
+            "headers": doc.FILE,
+        },
+        HTTPStatus.NOT_MODIFIED: {"description": "The client has it already.", "headers": doc.ETAG},
         **doc.problems("not-found", "gone", "range-not-satisfiable", *doc.STORES),
     },
 )
@@ -181,7 +187,6 @@ def get_metrics_csv(request: Request, context: Context, job_id: JobId) -> Respon
 @router.get(
     "/archive.zip",
     operation_id="downloadArchive",
-    dependencies=[KNOWN_QUERY],
     summary="Download everything of a finished job",
     response_class=Response,
     responses={
@@ -233,7 +238,7 @@ async def download_archive(
 
     def build(file: BinaryIO) -> None:
         needed = sum(snapshot.size for snapshot in job.snapshots)
-        check_space(stores.blobs.scratch(), needed, context.settings.min_free_bytes)
+        check_space(context.cache.folder, needed, context.settings.min_free_bytes)
         write_archive(file, stores.blobs, job, mesh, metrics=metrics, form=format)
 
     parts = ("archive", job_id, job.rev, format, __version__)

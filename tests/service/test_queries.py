@@ -25,3 +25,24 @@ def test_an_unknown_query_makes_no_job(client: httpx.Client, stores: Stores) -> 
 def test_a_misspelt_filter_lists_nothing(client: httpx.Client, address: str, offered: str) -> None:
     document = problem(client.get(address), 422, "invalid-parameters")
     assert offered in document["detail"]
+
+
+def test_every_operation_refuses_what_it_does_not_describe(client: httpx.Client) -> None:
+    fill = {
+        "job_id": "job_01K5Z9Q8M4T6V2X0Y7R3N1W5BC",
+        "mesh_id": f"mesh_{26 * '0'}",
+        "which": "10",
+        "format": "ply",
+        "field": "mean_curvature",
+        "sample": "cube",
+    }
+    tried = []
+    for path, operations in client.get("/openapi.json").json()["paths"].items():
+        for method in operations.keys() & {"get", "put", "post", "delete"}:
+            if path.startswith("/v1/"):
+                answer = client.request(method, f"{path.format_map(fill)}?no-such=1")
+                assert answer.status_code == 422, (method, path, answer.text)
+                pointers = {error["pointer"] for error in answer.json()["errors"]}
+                assert "query/no-such" in pointers, (method, path, answer.text)
+                tried.append(path)
+    assert len(tried) > 25
