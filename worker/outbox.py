@@ -45,14 +45,14 @@ class Outbox:
 
     def flush(self) -> bool:
         """Record what is not yet; False if the attempt is not the present one. Raises `StoreUnavailableError`."""
+        if self._unsent_progress is not None:  # first: it is never behind the newest snapshot
+            if not self._jobs.report(self._job_id, self._token, self._unsent_progress, self._unsent_rows):
+                return False
+            self._unsent_progress, self._unsent_rows = None, []
         while self._unsent_snapshots:
             if not self._jobs.add_snapshot(self._job_id, self._token, self._unsent_snapshots[0]):
                 return False
             del self._unsent_snapshots[0]
-        if self._unsent_progress is not None:
-            if not self._jobs.report(self._job_id, self._token, self._unsent_progress, self._unsent_rows):
-                return False
-            self._unsent_progress, self._unsent_rows = None, []
         return True
 
     @property

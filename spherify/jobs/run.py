@@ -24,7 +24,7 @@ from spherify.geometry.schedule import SnapshotPlan, is_recorded
 from spherify.jobs.model import Progress
 from spherify.jobs.rows import BEST, ROWS, Row, rows_to_array, rows_to_list
 
-REPORT_S: Final = 0.5  # progress at most twice a second
+REPORT_S: Final = 0.5  # progress at most twice a second, and with every planned state
 CHECKPOINT_S: Final = 60.0  # a lost worker costs at most this much computing
 _RATE_S: Final = 5.0  # the rate is that of the last seconds
 _FLUSH_ROWS: Final = 500
@@ -185,14 +185,19 @@ class _Run:
         if is_recorded(state.iteration, self._total, self._plan):
             self._record(state)
         now = self._clock()
-        if state.iteration in self._planned:
+        planned = state.iteration in self._planned
+        if planned:  # told before it is kept, so that no state is known that progress has not come to
+            self._report(state)
             self._snapshot(self._whole(state))
         elif now - self._kept_at >= self._checkpoint_s:
             self._sink.checkpoint(self._whole(state))
             self._kept_at = self._clock()
-        if now - self._reported_at >= REPORT_S or state.iteration == 0 or len(self._unreported) > _FLUSH_ROWS:
-            self._sink.report(self._progress(state.iteration), self._take_rows())
-            self._reported_at = now
+        if not planned and (now - self._reported_at >= REPORT_S or len(self._unreported) > _FLUSH_ROWS):
+            self._report(state)
+
+    def _report(self, state: FlowState) -> None:
+        self._sink.report(self._progress(state.iteration), self._take_rows())
+        self._reported_at = self._clock()
 
     def _end(self, state: FlowState, reason: StopReason, detail: str | None) -> RunEnd:
         """Keep the best state, then the last one: whoever finds the last one finds everything."""

@@ -33,9 +33,11 @@ class Recorder:
     rows: dict[float, Row] = field(default_factory=dict)
     reports: list[Progress] = field(default_factory=list)
     metrics: dict[int, Row] = field(default_factory=dict)
+    ahead: bool = False  # whether a state came that progress had not come to
 
     def snapshot(self, kept: Kept) -> None:
         assert kept.iteration not in self.snapshots
+        self.ahead |= not self.reports or kept.iteration > self.reports[-1].iteration
         self.snapshots[kept.iteration] = dump_arrays(kept.arrays)
         self.metrics[kept.iteration] = kept.row
 
@@ -249,3 +251,15 @@ def test_a_run_that_was_handed_on_has_no_outcome() -> None:
     end, _ = recorded(stone(), config(iterations=5), stop=lambda: Stop.HAND_ON)
     with pytest.raises(ValueError, match="not ended"):
         outcome_of(end)
+
+
+def test_progress_is_never_behind_what_is_kept() -> None:
+    def cancelled() -> Stop | None:
+        return Stop.HAND_ON if len(sink.reports) > 30 else None
+
+    sink = Recorder()
+    plan = SnapshotPlan.parse("every:3", 200)
+    end = run(stone(), config(iterations=200), plan, sink, stop=cancelled, clock=ticking(0.01))
+    assert end.stop_reason is None
+    assert len(sink.snapshots) > 10
+    assert not sink.ahead
