@@ -32,21 +32,26 @@ export function decimate(surface: Surface, most = MOST_TRIANGLES): Decimation {
 function cluster({ positions, index }: Surface, grid: number): Decimation {
   const low = [Infinity, Infinity, Infinity];
   const high = [-Infinity, -Infinity, -Infinity];
-  for (let i = 0; i < positions.length; i++) {
-    const value = positions[i] ?? 0;
-    low[i % 3] = Math.min(low[i % 3] ?? 0, value);
-    high[i % 3] = Math.max(high[i % 3] ?? 0, value);
+  for (let axis = 0; axis < 3; axis++) {
+    let [least, most] = [Infinity, -Infinity];
+    for (let i = axis; i < positions.length; i += 3) {
+      const value = positions[i] ?? 0;
+      if (value < least) least = value;
+      if (value > most) most = value;
+    }
+    [low[axis], high[axis]] = [least, most];
   }
+  const [lowX = 0, lowY = 0, lowZ = 0] = low;
   const size = Math.max(...high.map((top, axis) => top - (low[axis] ?? 0))) || 1;
   const scale = (grid - 1e-6) / size;
   const cells = new Map<number, number>();
   const kept: number[] = [];
   const number = new Uint32Array(positions.length / 3);
   for (let v = 0; v < number.length; v++) {
-    const [x, y, z] = [0, 1, 2].map((axis) =>
-      Math.floor(((positions[3 * v + axis] ?? 0) - (low[axis] ?? 0)) * scale),
-    );
-    const cell = ((z ?? 0) * grid + (y ?? 0)) * grid + (x ?? 0);
+    const x = Math.floor(((positions[3 * v] ?? 0) - lowX) * scale);
+    const y = Math.floor(((positions[3 * v + 1] ?? 0) - lowY) * scale);
+    const z = Math.floor(((positions[3 * v + 2] ?? 0) - lowZ) * scale);
+    const cell = (z * grid + y) * grid + x;
     let representative = cells.get(cell);
     if (representative === undefined) {
       representative = kept.length;

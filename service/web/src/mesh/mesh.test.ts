@@ -2,6 +2,7 @@ import { describe, expect, it } from 'vitest';
 import { decimate, pick } from './decimate';
 import { faultsOf } from './faults';
 import { vertexNormals } from './normals';
+import { outward } from './outward';
 import { NoPreviewError, obj, off, parse } from './parse';
 import { boundsOf } from './types';
 import { weld } from './weld';
@@ -57,6 +58,10 @@ describe('reading', () => {
   it('refuses what it cannot draw', async () => {
     expect(() => obj('v 0 0 0\nf 1 2 3\n')).toThrow(NoPreviewError);
     await expect(parse(new ArrayBuffer(4), 'mesh.3mf')).rejects.toThrow(NoPreviewError);
+    const points =
+      'ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nend_header\n0 0 0\n1 0 0\n0 1 0\n';
+    const data = new TextEncoder().encode(points).buffer;
+    await expect(parse(data, 'points.ply')).rejects.toThrow(NoPreviewError);
   });
 });
 
@@ -85,6 +90,17 @@ describe('faults', () => {
     expect(welded.positions.length).toBe(24);
     expect(faultsOf(welded).open.length).toBe(0);
     expect(weld(welded)).toBe(welded);
+  });
+});
+
+describe('a surface that is inside out', () => {
+  it('is turned, and another is left alone', () => {
+    const cube = obj(CUBE);
+    expect(outward(cube)).toBe(cube);
+    const inside = { positions: cube.positions, index: cube.index.toReversed() };
+    const turned = outward(inside);
+    expect(outward(turned)).toBe(turned);
+    expect(faultsOf(turned).open.length).toBe(0);
   });
 });
 

@@ -1,4 +1,4 @@
-import type { BufferGeometry, Mesh, Object3D } from 'three';
+import { BufferAttribute, type BufferGeometry, type Mesh, type Object3D } from 'three';
 import type { Surface } from './types';
 
 /** A preview of a file before the service has read it: its triangles, as far as this page can read them. */
@@ -22,7 +22,9 @@ export async function parse(data: ArrayBuffer, name: string): Promise<Surface> {
     }
     case 'ply': {
       const { PLYLoader } = await import('three/addons/loaders/PLYLoader.js');
-      return surfaceOf(new PLYLoader().parse(data));
+      const geometry = new PLYLoader().parse(data);
+      if (!geometry.getIndex()) throw new NoPreviewError('points, or faces of another kind');
+      return surfaceOf(geometry);
     }
     case 'glb': {
       const { GLTFLoader } = await import('three/addons/loaders/GLTFLoader.js');
@@ -85,21 +87,29 @@ function fan(corners: readonly number[], index: number[]): void {
     index.push(corners[0] ?? -1, corners[i - 1] ?? -1, corners[i] ?? -1);
 }
 
-function checked(positions: readonly number[], index: readonly number[]): Surface {
+/** Refuse what cannot be drawn; lists of a million entries are gone through without a function for each. */
+function checked(positions: ArrayLike<number>, index: ArrayLike<number>): Surface {
   const vertices = positions.length / 3;
-  const sound = index.every((v) => Number.isInteger(v) && v >= 0 && v < vertices);
-  if (!sound || index.length === 0 || !positions.every(Number.isFinite))
-    throw new NoPreviewError('numbers or indices that cannot be');
+  let sound = index.length > 0;
+  for (let i = 0; i < index.length && sound; i++) {
+    const v = index[i] ?? -1;
+    sound = v >= 0 && v < vertices && v % 1 === 0;
+  }
+  for (let i = 0; i < positions.length && sound; i++) sound = Number.isFinite(positions[i]);
+  if (!sound) throw new NoPreviewError('numbers or indices that cannot be');
   return { positions: Float32Array.from(positions), index: Uint32Array.from(index) };
 }
 
 function surfaceOf(geometry: BufferGeometry): Surface {
   const position = geometry.getAttribute('position');
-  const positions = Array.from({ length: 3 * position.count }, (_, i) =>
-    position.getComponent(Math.floor(i / 3), i % 3),
-  );
+  const plain = position instanceof BufferAttribute && !position.normalized && position.itemSize === 3;
+  const positions = plain
+    ? Float32Array.from(position.array)
+    : Float32Array.from({ length: 3 * position.count }, (_, i) =>
+        position.getComponent(Math.floor(i / 3), i % 3),
+      );
   const own = geometry.getIndex();
-  const index = own ? Array.from(own.array) : Array.from({ length: position.count }, (_, i) => i);
+  const index = own ? Uint32Array.from(own.array) : Uint32Array.from({ length: position.count }, (_, i) => i);
   return checked(positions, index);
 }
 

@@ -14,8 +14,9 @@ export interface Drawable {
   readonly triangles: number;
 }
 
-export interface Preview extends Drawable {
-  readonly faults: Faults;
+/** What is wrong, with all positions of the mesh, which `strays` names. */
+export interface Located extends Faults {
+  readonly positions: Float32Array<ArrayBuffer>;
 }
 
 /** A quantity at the vertices that are drawn. */
@@ -25,8 +26,10 @@ export interface Values {
 }
 
 export interface Tasks {
-  /** Read a file, weld it, find its faults. */
-  preview: { ask: { data: ArrayBuffer; name: string }; answer: Preview };
+  /** Read a file, and weld it. */
+  preview: { ask: { data: ArrayBuffer; name: string }; answer: Drawable };
+  /** Find what is wrong with the file that was previewed last. */
+  faults: { ask: Record<string, never>; answer: Located };
   /** Fetch the triangles of a run and its first state; `key` names it from then on. */
   topology: { ask: { key: string; faces: string; positions: string }; answer: Drawable };
   /** Fetch the positions of a state. */

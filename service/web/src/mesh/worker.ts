@@ -2,9 +2,10 @@ import { rangeOf } from '../core/colormap';
 import { decimate, pick, type Decimation } from './decimate';
 import { faultsOf } from './faults';
 import { vertexNormals } from './normals';
+import { outward } from './outward';
 import { parse } from './parse';
 import type { Failure, TaskName, Tasks } from './tasks';
-import { boundsOf, type Frame } from './types';
+import { boundsOf, type Frame, type Surface } from './types';
 import { weld } from './weld';
 
 /** Off the page's own thread: fetching, parsing, normals, decimation, ranges of colours. */
@@ -22,22 +23,24 @@ class AnswerError extends Error {
 }
 
 const runs = new Map<string, Decimation>();
+let previewed: Surface | null = null; // the last one, should it be refused
 
 type Handlers = { [K in TaskName]: (ask: Tasks[K]['ask']) => Promise<Tasks[K]['answer']> };
 
 const handlers: Handlers = {
   async preview({ data, name }) {
-    const surface = weld(await parse(data, name));
+    const surface = outward(weld(await parse(data, name)));
+    previewed = { ...surface };
     const drawn = decimate(surface);
     const frame = frameOf(pick(surface.positions, drawn.kept, 3), drawn.index);
     const bounds = boundsOf(surface.positions);
-    return {
-      index: drawn.index,
-      frame,
-      bounds,
-      triangles: surface.index.length / 3,
-      faults: faultsOf(surface),
-    };
+    const index = drawn.kept === null ? drawn.index.slice() : drawn.index; // the surface's own stays here
+    return { index, frame: apart(frame, surface), bounds, triangles: surface.index.length / 3 };
+  },
+
+  faults() {
+    if (previewed === null) throw new Error('nothing is previewed');
+    return Promise.resolve({ ...faultsOf(previewed), positions: previewed.positions.slice() });
   },
 
   async topology({ key, faces, positions }) {
@@ -82,6 +85,11 @@ function unpacked(data: ArrayBuffer): Float32Array<ArrayBuffer> {
 
 function frameOf(positions: Float32Array<ArrayBuffer>, index: Uint32Array): Frame {
   return { positions, normals: vertexNormals(positions, index) };
+}
+
+/** Let a frame have positions of its own: what is handed over is gone here. */
+function apart(frame: Frame, surface: Surface): Frame {
+  return frame.positions === surface.positions ? { ...frame, positions: frame.positions.slice() } : frame;
 }
 
 function known(key: string): Decimation {

@@ -2,8 +2,6 @@ import {
   BufferAttribute,
   BufferGeometry,
   Group,
-  LineBasicMaterial,
-  LineSegments,
   Mesh,
   MeshBasicMaterial,
   Points,
@@ -11,10 +9,14 @@ import {
   type Material,
   type Object3D,
 } from 'three';
+import { LineMaterial } from 'three/addons/lines/LineMaterial.js';
+import { LineSegments2 } from 'three/addons/lines/LineSegments2.js';
+import { LineSegmentsGeometry } from 'three/addons/lines/LineSegmentsGeometry.js';
 import type { Location } from '../api/types';
 import type { Faults } from '../mesh/faults';
 
 const RED = 0xe5252a;
+const WIDTH_PX = 3;
 
 /** What is wrong with a mesh, drawn on it in red: through the surface faintly, before it fully. */
 export class FaultLines {
@@ -49,13 +51,14 @@ export class FaultLines {
   }
 
   private lines(ends: Float32Array): void {
-    const geometry = new BufferGeometry().setAttribute('position', new BufferAttribute(ends, 3));
+    const geometry = new LineSegmentsGeometry().setPositions(ends);
+    const look = { color: RED, linewidth: WIDTH_PX };
     this.group.add(
-      new LineSegments(
+      new LineSegments2(
         geometry,
-        new LineBasicMaterial({ color: RED, transparent: true, opacity: 0.3, depthTest: false }),
+        new LineMaterial({ ...look, transparent: true, opacity: 0.3, depthTest: false }),
       ),
-      new LineSegments(geometry, new LineBasicMaterial({ color: RED })),
+      new LineSegments2(geometry, new LineMaterial(look)),
     );
     if (ends.length <= 6 * 2000) this.points(ends, 4); // a short edge is seen by its ends
   }

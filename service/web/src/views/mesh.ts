@@ -3,7 +3,7 @@ import { asProblem, type Problem } from '../api/problem';
 import type { Job, Mesh } from '../api/types';
 import { bytes, count } from '../core/format';
 import { PLAIN, type Up } from '../core/route';
-import type { Drawable, Preview } from '../mesh/tasks';
+import type { Drawable } from '../mesh/tasks';
 import { icon } from '../ui/icons';
 import { problemCard } from '../ui/problem';
 import { refusal, reportCard } from '../ui/report';
@@ -17,7 +17,6 @@ export class MeshView implements View {
   private readonly viewer = new Viewer('The mesh');
   private mesh: Mesh | null = null;
   private problem: Problem | null = null;
-  private preview: Preview | null = null;
   private drawn: Drawable | null = null;
   private noPreview = false;
   private sent: number | null = null;
@@ -91,10 +90,11 @@ export class MeshView implements View {
           if (this.source instanceof File) void this.send(this.source, allow);
         })}
         ${this.problem.report ? reportCard(this.name, this.problem.report) : nothing}`;
-      return problemCard(this.problem, () => {
+      const again = (): void => {
         if (this.source instanceof File) void this.send(this.source, []);
         else void this.load(this.source);
-      });
+      };
+      return problemCard(this.problem, this.problem.passing ? again : null); // the same file is as bad again
     }
     if (!this.mesh) return this.waiting();
     return html`${reportCard(this.name, this.mesh.report)}${this.form?.render() ?? nothing}`;
@@ -138,9 +138,8 @@ export class MeshView implements View {
       const data = await file.arrayBuffer();
       const preview = await this.context.worker.ask('preview', { data, name: file.name }, [data]);
       if (this.isClosed()) return;
-      this.preview = preview;
       this.show(preview);
-      this.mark();
+      await this.mark();
     } catch {
       this.noPreview = true; // the service will say more
     }
@@ -161,8 +160,8 @@ export class MeshView implements View {
       this.context.go({ view: 'mesh', mesh: mesh.id, up: this.up, name }, true); // from now on it has an address
     } catch (thrown) {
       this.problem = asProblem(thrown);
-      this.mark();
       this.context.refresh();
+      await this.mark();
     }
   }
 
@@ -208,10 +207,11 @@ export class MeshView implements View {
   }
 
   /** Draw the faults once it is known that the mesh is refused. */
-  private mark(): void {
-    if (!this.problem) return;
+  private async mark(): Promise<void> {
+    if (!this.problem || !this.drawn) return;
     const places = this.problem.defects.flatMap((defect) => defect.locations ?? []);
-    if (this.preview) this.viewer.mark(this.preview.faults, places, this.preview.frame.positions);
+    const faults = await this.context.worker.ask('faults', {});
+    if (!this.isClosed()) this.viewer.mark(faults, places, faults.positions);
   }
 
   private isClosed(): boolean {
