@@ -85,6 +85,11 @@ class S3Server:
             os.killpg(self._process.pid, number)
             self._process.wait(30)
             self._process = None
+        for port in (
+            port for pair in self._ports.values() for port in pair
+        ):  # where they lie is not to be chosen
+            for left in Path("/tmp").glob(f"seaweedfs-*-{port}.sock"):
+                left.unlink(missing_ok=True)
 
     def _writes(self) -> bool:
         assert self._process is not None

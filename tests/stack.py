@@ -152,7 +152,13 @@ def started_stack(
     """Start a server, workers (named "0", "1", …) and the API on a folder, and stop them all at the end."""
     server = EmbeddedServer(data_dir / "server")
     server.start()
-    variables = {"REDIS_URL": server.url, "SPHERIFY_DATA_DIR": str(data_dir), **environment}
+    (data_dir / "tmp").mkdir(exist_ok=True)  # what a killed process leaves goes with the test's folder
+    variables = {
+        "REDIS_URL": server.url,
+        "SPHERIFY_DATA_DIR": str(data_dir),
+        "TMPDIR": str(data_dir / "tmp"),
+        **environment,
+    }
     settings = _settings(variables)
     stack = Stack(data_dir, {**os.environ, **variables}, settings, open_stores(settings), server)
     try:

@@ -15,7 +15,7 @@ The main process never touches files: it forks, and the client of an object stor
 from __future__ import annotations
 
 import logging
-import multiprocessing
+import mmap
 import os
 import signal
 import socket
@@ -37,8 +37,9 @@ from worker.watchdog import Vitals, Watchdog
 log = logging.getLogger(__name__)
 
 _TIMEOUT_S = 2.0  # of the server's answers; a worker can wait longer than a request
-# Shared with the pool's children by fork, and without a lock: a child that is killed cannot leave it taken.
-_stop = multiprocessing.RawValue("b", 0)
+# A byte shared with the pool's children by fork: without a lock that a killed child could leave taken, and without the
+# folder for temporary files that `multiprocessing` makes for its shared values, and a killed worker leaves behind.
+_stop = mmap.mmap(-1, 1)
 
 
 class _Process:
@@ -63,7 +64,7 @@ def connect(settings: Settings) -> None:
 
 def stopping() -> bool:
     """Whether this worker is to end."""
-    return bool(_stop.value)
+    return _stop[0] != 0
 
 
 def supervisor() -> Supervisor:
@@ -123,7 +124,7 @@ def _begin(sender: Any, **_: Any) -> None:  # noqa: ANN401 (Celery's consumer)
 
 
 def _shut_down(**_: Any) -> None:  # noqa: ANN401 (as above)
-    _stop.value = 1
+    _stop[0] = 1
     if _Process.watchdog is not None:
         _Process.watchdog.stop()
 
