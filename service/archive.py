@@ -8,6 +8,7 @@ import io
 import json
 import stat
 import zipfile
+from collections.abc import Iterator
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, BinaryIO, Final
 
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from spherify.jobs.ports import BlobStore
 
 MEDIA_TYPE: Final = "application/zip"
+STREAMED_BYTES: Final = 256 * 1024 * 1024  # of kept states: more are sent as they are written, and not kept
 _TEXT: Final = frozenset({"obj", "off"})  # binary positions hardly shrink
 _READABLE: Final = stat.S_IRUSR | stat.S_IWUSR | stat.S_IRGRP | stat.S_IROTH
 _FIRST: Final = datetime(1980, 1, 1, tzinfo=UTC)  # before it a zip file has no times
@@ -41,6 +43,48 @@ def write_archive(
     file: BinaryIO, blobs: BlobStore, job: Job, mesh: MeshRecord, *, metrics: MetricsOut, form: str
 ) -> None:
     """Write the archive of a finished job, one state at a time; entries are dated as the job was made."""
+    for _ in _entries(file, blobs, job, mesh, metrics=metrics, form=form):
+        pass
+
+
+def archive_pieces(
+    blobs: BlobStore, job: Job, mesh: MeshRecord, *, metrics: MetricsOut, form: str
+) -> Iterator[bytes]:
+    """Yield the same archive an entry at a time: none is held longer than it takes to be sent."""
+    window = _Window()
+    for _ in _entries(window, blobs, job, mesh, metrics=metrics, form=form):
+        yield window.take()
+    yield window.take()
+
+
+class _Window(io.BytesIO):
+    """What was written since it was last taken, at its place in the whole.
+
+    A zip file is written forwards, but for the head of an entry, which learns its size and sum when it ends.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._before = 0
+
+    def tell(self) -> int:
+        return self._before + super().tell()
+
+    def seek(self, offset: int, whence: int = io.SEEK_SET, /) -> int:
+        return super().seek(offset - self._before if whence == io.SEEK_SET else offset, whence) + self._before
+
+    def take(self) -> bytes:
+        data = self.getvalue()
+        self._before += len(data)
+        super().seek(0)
+        self.truncate()
+        return data
+
+
+def _entries(
+    file: BinaryIO, blobs: BlobStore, job: Job, mesh: MeshRecord, *, metrics: MetricsOut, form: str
+) -> Iterator[None]:
+    """Write an archive, and stop after each entry."""
     made = max(datetime.fromtimestamp(int(job.spec.created_at), UTC), _FIRST)
     with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED, allowZip64=True) as archive:
 
@@ -65,6 +109,7 @@ def write_archive(
                     "metrics": figures(snapshot.metrics).model_dump(),
                 }
             )
+            yield
         table = metrics_csv(metrics)
         series = {"name": "metrics.csv", "bytes": len(table), "sha256": add("metrics.csv", table, text=True)}
         manifest = _manifest(job, mesh) | {"snapshots": states, "metrics": series}

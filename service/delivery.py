@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import AsyncIterator, Callable, Iterator
 from dataclasses import dataclass
 from http import HTTPStatus
 from typing import Any, BinaryIO, Final
 from urllib.parse import quote
 
+from anyio import CapacityLimiter, to_thread
 from pydantic import BaseModel
 from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
@@ -130,6 +131,22 @@ def deliver(request: Request, content: Content, vary: str | None = None) -> Resp
     if request.scope.get("head"):  # no body is sent: do not open what may be large
         return Response(status_code=status, headers=headers, media_type=media_type)
     return _FileAnswer(content.open(), start, end, status_code=status, headers=headers, media_type=media_type)
+
+
+def stream(
+    request: Request, pieces: Iterator[bytes], limiter: CapacityLimiter, media_type: str, filename: str
+) -> Response:
+    """Return what is made while it is sent, a piece at a time in a thread; what ends early ends the connection."""
+    headers = {"Cache-Control": REVALIDATE, "Content-Disposition": disposition(filename)}
+    if request.scope.get("head"):
+        return Response(headers=headers, media_type=media_type)
+
+    async def made() -> AsyncIterator[bytes]:
+        while (piece := await to_thread.run_sync(next, pieces, None, limiter=limiter)) is not None:
+            for start in range(0, len(piece), _PIECE):
+                yield piece[start : start + _PIECE]
+
+    return StreamingResponse(made(), headers=headers, media_type=media_type)
 
 
 def file_name(stem: str, tail: str) -> str:

@@ -9,11 +9,20 @@ from typing import Annotated, BinaryIO
 from anyio import to_thread
 from fastapi import APIRouter, Query, Request, Response
 
+from service import archive
 from service import documentation as doc
-from service.archive import MEDIA_TYPE, metrics_csv, write_archive
 from service.context import Context
 from service.conversion import Ascii, Color, Form, Precision, converted_snapshot
-from service.delivery import IMMUTABLE, REVALIDATE, Content, deliver, file_name, json_answer, strong_etag
+from service.delivery import (
+    IMMUTABLE,
+    REVALIDATE,
+    Content,
+    deliver,
+    file_name,
+    json_answer,
+    stream,
+    strong_etag,
+)
 from service.identifiers import JobId, MeshFormat, Which
 from service.queries import KNOWN_QUERY
 from service.schemas import (
@@ -172,7 +181,7 @@ def get_metrics(request: Request, context: Context, job_id: JobId) -> Response:
 def get_metrics_csv(request: Request, context: Context, job_id: JobId) -> Response:
     """Return the same as `/metrics`, for spreadsheets and plots."""
     job = context.stores.jobs.get(job_id)
-    data = metrics_csv(metrics_out(job_id, context.stores.jobs.metrics(job_id)))
+    data = archive.metrics_csv(metrics_out(job_id, context.stores.jobs.metrics(job_id)))
     content = Content(
         size=len(data),
         etag=strong_etag(data),
@@ -193,12 +202,12 @@ def get_metrics_csv(request: Request, context: Context, job_id: JobId) -> Respon
         HTTPStatus.OK: {
             "description": "`manifest.json` (parameters, version, the SHA-256 of every file), `metrics.csv`, and every "
             "kept state.",
-            "content": {MEDIA_TYPE: {"schema": doc.BINARY}},
+            "content": {archive.MEDIA_TYPE: {"schema": doc.BINARY}},
             "headers": doc.FILE,
         },
         HTTPStatus.PARTIAL_CONTENT: {
             "description": "The range that was asked for.",
-            "content": {MEDIA_TYPE: {"schema": doc.BINARY}},
+            "content": {archive.MEDIA_TYPE: {"schema": doc.BINARY}},
         },
         HTTPStatus.NOT_MODIFIED: {"description": "The client has it already.", "headers": doc.ETAG},
         **doc.problems(
@@ -225,7 +234,11 @@ async def download_archive(
         ),
     ] = "ply",
 ) -> Response:
-    """Return one zip file, built once: `curl -OJ …/archive.zip`."""
+    """Return one zip file, built once: `curl -OJ …/archive.zip`.
+
+    Of a job that keeps more than 256 MiB it is sent as it is written, without a length, a tag or ranges; the bytes
+    would be the same.
+    """
     stores = context.stores
 
     def read() -> tuple[Job, MeshRecord, MetricsOut]:
@@ -236,18 +249,28 @@ async def download_archive(
 
     job, mesh, metrics = await to_thread.run_sync(read)
 
+    needed = sum(snapshot.size for snapshot in job.snapshots)
+    name = file_name(job.spec.name, ".zip")
+    if needed > archive.STREAMED_BYTES:
+        return stream(
+            request,
+            archive.archive_pieces(stores.blobs, job, mesh, metrics=metrics, form=format),
+            context.conversions,
+            archive.MEDIA_TYPE,
+            name,
+        )
+
     def build(file: BinaryIO) -> None:
-        needed = sum(snapshot.size for snapshot in job.snapshots)
         check_space(context.cache.folder, needed, context.settings.min_free_bytes)
-        write_archive(file, stores.blobs, job, mesh, metrics=metrics, form=format)
+        archive.write_archive(file, stores.blobs, job, mesh, metrics=metrics, form=format)
 
     parts = ("archive", job_id, job.rev, format, __version__)
     with await context.cache.get(parts, build, context.conversions, small=False) as found:
         content = Content(
             size=found.size,
             etag=found.etag,
-            media_type=MEDIA_TYPE,
-            filename=file_name(job.spec.name, ".zip"),
+            media_type=archive.MEDIA_TYPE,
+            filename=name,
             cache_control=IMMUTABLE,
             open=found.take,
         )

@@ -11,7 +11,9 @@ from pathlib import Path
 import httpx
 import pytest
 
+from service import archive
 from spherify.settings import Settings
+from spherify.stores.connect import Stores
 from tests.service.conftest import Hand, problem
 
 
@@ -61,6 +63,31 @@ def test_the_same_bytes_every_time(client: httpx.Client, path: str, settings: Se
     assert again.headers["etag"] == first.headers["etag"]
     known = client.get(path, headers={"If-None-Match": first.headers["etag"]})
     assert (known.status_code, known.content) == (304, b"")
+
+
+def test_a_large_archive_is_the_same_sent_as_it_is_written(
+    client: httpx.Client, path: str, settings: Settings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kept = client.get(path).content
+    for file in (settings.data_dir / "cache").iterdir():
+        file.unlink()
+    monkeypatch.setattr(archive, "STREAMED_BYTES", 0)
+    streamed = client.get(path)
+    assert streamed.content == kept
+    assert streamed.headers["transfer-encoding"] == "chunked"
+    assert streamed.headers["content-disposition"] == 'attachment; filename="bunny.zip"'
+    assert client.head(path).status_code == 200
+    assert list((settings.data_dir / "cache").iterdir()) == [], "nothing is kept of it"
+
+
+def test_a_large_archive_that_cannot_be_ended_is_not_taken_for_a_whole_one(
+    client: httpx.Client, path: str, stores: Stores, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(archive, "STREAMED_BYTES", 0)
+    snapshots = stores.jobs.get(path.split("/")[3]).snapshots
+    stores.blobs.delete(snapshots[-1].key)
+    with pytest.raises(httpx.RemoteProtocolError):
+        client.get(path)
 
 
 def test_a_broken_download_goes_on(client: httpx.Client, path: str) -> None:
