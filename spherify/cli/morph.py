@@ -78,7 +78,7 @@ def morph(
         fail(str(e), REFUSED)
     mesh = mesh_of(source, allow or [])
     if not computing.ready:
-        warn("compiling the kernels, once on this machine: some 20 s")
+        warn("compiling the kernels, once on this machine: up to a minute")
         computing.warm()
 
     with progress_bar() as bars, interruptible() as interrupted:

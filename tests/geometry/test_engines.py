@@ -47,6 +47,25 @@ def test_the_same_bytes_with_any_number_of_threads(large, preset, exponent):
         assert repr(shape) == repr(shapes[0])
 
 
+def test_positions_that_are_still_loaded_are_only_those_returned_last():
+    mesh = sample("stone", 500)
+    topology = Topology.of(len(mesh.vertices), mesh.faces)
+    kernel, V = CompiledEngine().prepare(topology, ROBUST), np.array(mesh.vertices)
+
+    def fresh():
+        return CompiledEngine().prepare(topology, ROBUST)
+
+    first = kernel.transform(V, Stage(1, 1, 1), 1e-3, 0.5)
+    assert repr(kernel.shape(first)) == repr(fresh().shape(first))
+    assert repr(kernel.shape(V)) == repr(fresh().shape(V))
+    second = kernel.transform(first, Stage(1, 1, 1), 1e-3, 0.5)
+    third = kernel.transform(second, Stage(1, 1, 1), 1e-3, 0.5)
+    assert np.array_equal(third, fresh().transform(second, Stage(1, 1, 1), 1e-3, 0.5))
+    assert np.array_equal(third, kernel.transform(second, Stage(1, 1, 1), 1e-3, 0.5))
+    with pytest.raises(ValueError, match="read-only"):
+        third[0] = 0.0
+
+
 def test_threads_on_an_open_mesh_that_is_held():
     mesh = open_bump(160)
     assert len(mesh.vertices) > WORTH_SHARING

@@ -42,7 +42,7 @@ class Space:
 def buffers(n: int, n_held: int) -> Buffers:
     """Allocate what the passes write, for n vertices of which some are held."""
     return Buffers(
-        position=np.empty((3, n)),
+        position=padded(3, n),
         moved=np.empty((3, n)),
         normal=np.empty((3, n)),
         curvature=np.empty(n),
@@ -58,7 +58,9 @@ def buffers(n: int, n_held: int) -> Buffers:
 
 def scratch() -> Scratch:
     """Allocate what one thread writes for one block."""
-    return Scratch(aligned(rings.ROWS, rings.STRIDE), np.empty(rings.STRIDE, dtype=np.int64))
+    return Scratch(
+        aligned(rings.ROWS, rings.STRIDE), aligned(4, rings.ANGLES), np.empty(rings.STRIDE, dtype=np.int64)
+    )
 
 
 def aligned(rows: int, columns: int) -> Floats:
@@ -66,3 +68,8 @@ def aligned(rows: int, columns: int) -> Floats:
     space = np.empty(rows * columns + LINE)
     start = -(space.ctypes.data // space.itemsize) % LINE
     return space[start : start + rows * columns].reshape(rows, columns)
+
+
+def padded(rows: int, columns: int) -> Floats:
+    """Allocate (rows, columns) with room behind for what is computed beyond the end, see `passes.rings`."""
+    return np.zeros(rows * columns + LINE)[: rows * columns].reshape(rows, columns)

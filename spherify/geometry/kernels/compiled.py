@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, Final
+from weakref import ReferenceType, ref
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ from spherify.geometry.kernels.numbering import Numbering, Part
 from spherify.geometry.kernels.passes import shape
 from spherify.geometry.kernels.passes.fans import walk
 from spherify.geometry.kernels.passes.jit import kept
+from spherify.geometry.kernels.passes.levels import by_levels
 from spherify.geometry.kernels.passes.step import work
 from spherify.geometry.kernels.passes.types import (
     CONSTANT,
@@ -45,7 +47,7 @@ from spherify.geometry.unfolding import Unfolded
 
 PASSES_OF_SHAPE: Final = (shape.INTEGRATE, shape.CENTRE, shape.RADII, shape.MOMENTS, shape.SPREAD)
 ALL_MEASURES: Final = sum(PASSES_OF_SHAPE)
-ENTRIES: Final[Sequence[Callable[..., Any]]] = (walk, work, shape.measure, move_radially, unfold)
+ENTRIES: Final[Sequence[Callable[..., Any]]] = (walk, by_levels, work, shape.measure, move_radially, unfold)
 """All that Python calls."""
 WORTH_SHARING: Final = 20_000  # vertices; below, handing out the parts takes as long as they do
 
@@ -72,6 +74,7 @@ class CompiledKernel:
         self._parts = self._numbering.parts(self._team.threads)
         self._closed = topology.closed
         self._neighbours: NDArray[np.uint32] | None = None  # made when first needed
+        self._last: ReferenceType[Floats] | None = None  # positions that were returned, and are loaded
         self._edge_count = len(topology.edges)
         self._single = self._numbering.place[topology.edges[topology.boundary_edges]]
 
@@ -122,7 +125,7 @@ class CompiledKernel:
 
     def shape(self, V: Floats) -> Shape:
         """See `spherify.geometry.kernels.interface.Kernel.shape`."""
-        self._load(V)
+        self._load(V, to_move=False)
         parts = list(enumerate(self._parts))
         if len(parts) == 1:
             self._measure(parts[0], ALL_MEASURES)
@@ -202,8 +205,13 @@ class CompiledKernel:
             part.last,
         )
 
-    def _load(self, V: Floats) -> None:
-        """Take positions into the order of the passes."""
+    def _load(self, V: Floats, *, to_move: bool = True) -> None:
+        """Take positions into the order of the passes, unless they are there: those that were returned last."""
+        loaded = self._last is not None and self._last() is V and not V.flags.writeable
+        if to_move or not loaded:
+            self._last = None
+        if loaded:
+            return
 
         def take(part: Part) -> None:
             span = slice(part.first, part.last)
@@ -213,7 +221,7 @@ class CompiledKernel:
         self._team.each(take, self._parts)
 
     def _unloaded(self) -> Floats:
-        """Return the positions in the order of the mesh."""
+        """Return the positions in the order of the mesh, read-only, for they are known again."""
         moved = np.empty((len(self._numbering.place), 3), order="F")
 
         def take(part: Part) -> None:
@@ -222,6 +230,8 @@ class CompiledKernel:
                 np.take(self._use.position[k], self._numbering.place[span], out=moved[span, k], mode="clip")
 
         self._team.each(take, self._parts)
+        moved.setflags(write=False)
+        self._last = ref(moved)
         return moved
 
 

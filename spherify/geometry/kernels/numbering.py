@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from spherify.geometry.kernels.passes.fans import walk
+from spherify.geometry.kernels.passes.levels import by_levels
+from spherify.geometry.kernels.passes.straight import LANES
 from spherify.geometry.kernels.passes.types import NONE, RING, Connectivity
 from spherify.geometry.mesh import Ints
 from spherify.geometry.topology import Topology
@@ -46,14 +46,14 @@ class Numbering:
 
     @classmethod
     def of(cls, topology: Topology, held: Ints) -> Numbering:
-        """Give vertices places: by reverse Cuthill-McKee, then within windows by how many neighbours they have.
+        """Give vertices places: breadth first, then within windows by how many neighbours they have.
 
         Faces follow the order of their first vertices. Gathers then stay within the cache at any size.
         """
         n = topology.n_vertices
         twins = _twins(topology)
         rings = _Rings.of(topology, twins)
-        order = _local_order(topology)
+        order = rings.by_levels()
         window = np.arange(n) // WINDOW
         order = order[np.lexsort((rings.degrees[order], rings.closed[order], window))]
         place = _inverse(order)
@@ -118,6 +118,15 @@ class _Rings:
         neighbours[closed[ends[by_vertex]]] = circle[np.repeat(closed, np.diff(first))]
         return cls(degrees, closed, neighbours)
 
+    def by_levels(self) -> Ints:
+        """(n,) the vertices breadth first, see `spherify.geometry.kernels.passes.levels`."""
+        n = len(self.degrees)
+        order = np.empty(n, dtype=np.uint32)
+        by_levels(
+            _starts(self.degrees), self.neighbours.astype(np.uint32), order, np.zeros(n, dtype=np.bool_)
+        )
+        return order.astype(np.int64)
+
     def laid_out(self, order: Ints, place: Ints, window: Ints) -> tuple[_Indices, _Indices]:
         """Return `Connectivity.runs` and `Connectivity.ring` for vertices in that order."""
         degrees, closed = self.degrees[order], self.closed[order]
@@ -130,7 +139,7 @@ class _Rings:
         owner = np.repeat(np.arange(len(self.degrees)), self.degrees)  # of the mesh, as are the neighbours
         rank = np.arange(len(owner)) - np.repeat(np.cumsum(self.degrees) - self.degrees, self.degrees)
         run = np.repeat(np.arange(len(first)), sizes)[place[owner]]
-        ring = np.empty(len(owner), dtype=np.uint32)
+        ring = np.zeros(len(owner) + LANES, dtype=np.uint32)  # some are read beyond the end
         ring[base[run] + rank * sizes[run] + place[owner] - first[run]] = place[self.neighbours]
         marks = np.where(closed[first], RING, 0)
         return np.stack([first, last, marks, degrees[first], base], axis=1).astype(np.uint32), ring
@@ -148,14 +157,6 @@ def _twins(topology: Topology) -> Ints:
 def _starts(counts: Ints) -> _Indices:
     """(n + 1,) where each of n lists begins, and where the last ends."""
     return np.concatenate([[0], np.cumsum(counts)]).astype(np.uint32)
-
-
-def _local_order(topology: Topology) -> Ints:
-    """(n,) vertices in an order in which neighbours are near."""
-    n, edges = topology.n_vertices, topology.edges
-    pairs = np.concatenate([edges, edges[:, ::-1]])
-    links = coo_array((np.ones(len(pairs), dtype=np.int8), (pairs[:, 0], pairs[:, 1])), shape=(n, n))
-    return np.asarray(reverse_cuthill_mckee(links.tocsr(), symmetric_mode=True), dtype=np.int64)
 
 
 def _inverse(order: Ints) -> Ints:

@@ -51,6 +51,7 @@ class _Apart(Compiler):
         super().__init__(*arguments)  # type: ignore[no-untyped-call] # numba has no types
         self.state.flags.noalias = True
         self.state.flags.no_cpython_wrapper = True
+        self.state.flags.nrt = False  # nothing is allocated, so nobody need count who uses an array
         library = self.state.targetctx.codegen().create_library("pass")
         library._optimize_final_module = _leave
         self.state["library"] = library
@@ -66,6 +67,14 @@ _OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True}
 def inner(function: F) -> F:
     """Compile a pass whose array arguments never overlap; it is kept within the entries that call it."""
     return cast(F, njit(pipeline_class=_Apart, forceinline=True, **_OPTIONS)(function))
+
+
+def pasted(function: F) -> F:
+    """Put a piece of code that reads or writes arrays into the pass that calls it, before that is compiled.
+
+    What is compiled apart and put in later would not know that the arrays of the pass do not overlap.
+    """
+    return cast(F, njit(inline="always", **_OPTIONS)(function))
 
 
 def entry(function: F) -> F:

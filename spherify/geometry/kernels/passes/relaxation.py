@@ -6,7 +6,7 @@ import numpy as np
 
 from spherify.geometry.kernels.passes.arithmetic import fma
 from spherify.geometry.kernels.passes.jit import inner
-from spherify.geometry.kernels.passes.rings import BLOCK
+from spherify.geometry.kernels.passes.straight import BLOCK
 from spherify.geometry.kernels.passes.types import Buffers, Connectivity, Floats, Index, Indices, Scratch
 
 

@@ -7,10 +7,12 @@ its faces. Then everything follows without going back to memory:
     θ_j  = atan2(-|d_j| · (d_j-1 · N_j), N_j-1 · N_j), for N_j-1 × N_j = d_j (d_j-1 · N_j)
 
 Faces and edges are computed anew at each of their vertices, three times and twice. Keeping them would take 84 gathers
-a vertex, which is what a step's time went into; this takes 21, and calculates in vector registers. The inner loops go
-over the vertices of a run, which have as many neighbours each (`Connectivity.runs`), a block at a time; what goes
-from neighbour to neighbour lies in scratch rows that stay in the first-level cache. Computing the vectors and
-computing the angles are two loops: each is short enough for the processor to work on several rounds of it at once.
+a vertex; this takes 18, and calculates in vector registers. The loops go over the vertices of a run, which have as many
+neighbours each (`Connectivity.runs`), a block at a time. For the commonest degrees the way around is one straight piece
+of code, see `straight`; for the others what goes from neighbour to neighbour lies in scratch rows. The angles have
+loops of their own: each is short enough for the processor to work on several rounds of it at once.
+
+Blocks are computed in whole registers: beyond the end of a run numbers come out that nobody reads.
 """
 
 from __future__ import annotations
@@ -20,123 +22,112 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from spherify.geometry.kernels.passes.arithmetic import angle_over, fma, inverse_root
+from spherify.geometry.kernels.passes.arithmetic import angle_over, inverse_root
 from spherify.geometry.kernels.passes.jit import inner
+from spherify.geometry.kernels.passes.straight import (
+    BLOCK,
+    FEWEST,
+    LANES,
+    MOST,
+    Lane,
+    is_flat,
+    lower,
+    over,
+    straight,
+)
 from spherify.geometry.kernels.passes.types import DUAL_AREA, VTK, Floats, Index, Indices
+from spherify.geometry.kernels.passes.vectors import cross, dot, longer, sized
 
-BLOCK = 128  # vertices; the scratch of one block fits the first-level cache
 STRIDE = (
-    BLOCK + 8
-)  # its rows do not begin at equal places within a page, which would make loads wait for stores
-ROWS = 25
-FLAT = 1e-12  # square of the sine of an angle below which a corner's normal is lost to rounding
+    BLOCK + LANES
+)  # rows that do not begin at equal places within a page, where loads would wait for stores
+ROWS = 21
+ANGLES = MOST * BLOCK + LANES
 
 
 @inner
 def begin(
     ring: Indices, x: Floats, y: Floats, z: Floats,
     ex: Floats, ey: Floats, ez: Floats, dx: Floats, dy: Floats, dz: Floats, dd: Floats,
-    nx: Floats, ny: Floats, nz: Floats, area: Floats,
-    sx: Floats, sy: Floats, sz: Floats, K: Floats, areas: Floats, flat: NDArray[np.int64],
-    low: Index, count: Index, last: Index, first: Index,
+    nx: Floats, ny: Floats, nz: Floats, size: Floats,
+    sx: Floats, sy: Floats, sz: Floats, areas: Floats, least_over: Floats, least_under: Floats,
+    flat: NDArray[np.int64], low: Lane, wide: Lane, last: Lane, first: Lane,
 ) -> None:  # fmt: skip
     """Start at the last and the first neighbour: e = d_-1, d = d_0, N = e × d, and all sums 0."""
-    for k in range(np.uint32(0), count):
-        p = np.uint32(low + k)
-        q = ring[np.uint32(last + k)]
-        ax, ay, az = x[q] - x[p], y[q] - y[p], z[q] - z[p]
-        q = ring[np.uint32(first + k)]
-        bx, by, bz = x[q] - x[p], y[q] - y[p], z[q] - z[p]
-        mx, my, mz = fma(ay, bz, -(az * by)), fma(az, bx, -(ax * bz)), fma(ax, by, -(ay * bx))
-        mm = fma(mx, mx, fma(my, my, mz * mz))
-        ex[k], ey[k], ez[k] = ax, ay, az
-        dx[k], dy[k], dz[k], dd[k] = bx, by, bz, fma(bx, bx, fma(by, by, bz * bz))
-        nx[k], ny[k], nz[k], area[k] = mx, my, mz, mm * inverse_root(mm)
-        sx[k], sy[k], sz[k], K[k], areas[k], flat[k] = 0.0, 0.0, 0.0, 0.0, 0.0, 0
+    for k in range(Lane(0), wide):
+        p = low + k
+        q = ring[last + k]
+        e = (x[q] - x[p], y[q] - y[p], z[q] - z[p])
+        q = ring[first + k]
+        d = (x[q] - x[p], y[q] - y[p], z[q] - z[p])
+        ex[k], ey[k], ez[k] = e
+        dx[k], dy[k], dz[k] = d
+        dd[k] = dot(d, d)
+        a = cross(e, d)
+        nx[k], ny[k], nz[k] = a
+        _, _, size[k] = sized(a)
+        sx[k], sy[k], sz[k], areas[k], flat[k] = 0.0, 0.0, 0.0, 0.0, 0
+        least_over[k], least_under[k] = np.inf, 1.0
 
 
 @inner
 def turn(
     ring: Indices, x: Floats, y: Floats, z: Floats,
     ex: Floats, ey: Floats, ez: Floats, dx: Floats, dy: Floats, dz: Floats, dd: Floats,
-    nx: Floats, ny: Floats, nz: Floats, area: Floats,
-    sx: Floats, sy: Floats, sz: Floats, areas: Floats, flat: NDArray[np.int64],
-    sine: Floats, cosine: Floats, both: Floats, length: Floats,
-    low: Index, count: Index, following: Index,
+    nx: Floats, ny: Floats, nz: Floats, size: Floats,
+    sx: Floats, sy: Floats, sz: Floats, areas: Floats, least_over: Floats, least_under: Floats,
+    flat: NDArray[np.int64], sine: Floats, cosine: Floats, both: Floats, length: Floats,
+    low: Lane, wide: Lane, following: Lane,
 ) -> None:  # fmt: skip
-    """Go on by one neighbour: over the edge d into the face between d and the vector f to the one following.
-
-    Leaves sine and cosine of the edge's dihedral angle, |N| + |N'| of its faces, and its length.
-    """
-    for k in range(np.uint32(0), count):
-        p = np.uint32(low + k)
-        q = ring[np.uint32(following + k)]
-        fx, fy, fz = x[q] - x[p], y[q] - y[p], z[q] - z[p]
-        cx, cy, cz, cc = dx[k], dy[k], dz[k], dd[k]
-        mx, my, mz = fma(cy, fz, -(cz * fy)), fma(cz, fx, -(cx * fz)), fma(cx, fy, -(cy * fx))
-        mm = fma(mx, mx, fma(my, my, mz * mz))
-        ff = fma(fx, fx, fma(fy, fy, fz * fz))
-        scale = inverse_root(mm)
-        size = mm * scale
-        sx[k], sy[k], sz[k] = fma(mx, scale, sx[k]), fma(my, scale, sy[k]), fma(mz, scale, sz[k])
-        areas[k] += size
-        edge = math.sqrt(cc)
-        sine[k] = -edge * fma(ex[k], mx, fma(ey[k], my, ez[k] * mz))
-        cosine[k] = fma(nx[k], mx, fma(ny[k], my, nz[k] * mz))
-        both[k] = area[k] + size
-        length[k] = edge
-        widest = cc + ff
-        flat[k] |= np.int64(0) if mm > FLAT * (widest * widest) else np.int64(1)
-        ex[k], ey[k], ez[k] = cx, cy, cz
-        dx[k], dy[k], dz[k], dd[k] = fx, fy, fz, ff
-        nx[k], ny[k], nz[k], area[k] = mx, my, mz, size
+    """Go on by one neighbour: over the edge d into the face between d and the vector f to the one following."""
+    for k in range(Lane(0), wide):
+        p = low + k
+        q = ring[following + k]
+        e, d, a = (ex[k], ey[k], ez[k]), (dx[k], dy[k], dz[k]), (nx[k], ny[k], nz[k])
+        f = (x[q] - x[p], y[q] - y[p], z[q] - z[p])
+        ff = dot(f, f)
+        b = cross(d, f)
+        mm, scale, size_b = sized(b)
+        sine[k], cosine[k], both[k], length[k] = over(e, d, dd[k], a, size[k], b, size_b)
+        least_over[k], least_under[k] = lower(d, f, mm, least_over[k], least_under[k])
+        sx[k], sy[k], sz[k] = longer((sx[k], sy[k], sz[k]), b, scale)
+        areas[k] += size_b
+        flat[k] |= is_flat(mm, dd[k], ff)
+        ex[k], ey[k], ez[k] = d
+        dx[k], dy[k], dz[k] = f
+        nx[k], ny[k], nz[k] = b
+        dd[k], size[k] = ff, size_b
 
 
 @inner
 def bend(
-    sine: Floats, cosine: Floats, both: Floats, length: Floats, K: Floats, by_area: bool, count: Index
+    sine: Floats, cosine: Floats, both: Floats, length: Floats, K: Floats, by_area: bool, at: Lane, wide: Lane
 ) -> None:
     """Add l·θ of an edge each, over the |N| of its faces if ``by_area``."""
-    for k in range(np.uint32(0), count):
-        angle, inverse = angle_over(sine[k], cosine[k], both[k])
-        value = length[k] * angle
+    for k in range(Lane(0), wide):
+        j = at + k
+        angle, inverse = angle_over(sine[j], cosine[j], both[j])
+        value = length[j] * angle
         K[k] += value * inverse if by_area else value
-
-
-@inner
-def lower(
-    ex: Floats, ey: Floats, ez: Floats, dx: Floats, dy: Floats, dz: Floats, dd: Floats,
-    nx: Floats, ny: Floats, nz: Floats, least_over: Floats, least_under: Floats, first: bool, count: Index,
-) -> None:  # fmt: skip
-    """Keep the least altitude of the faces so far, as a fraction of squares: |N|² over the longest edge's."""
-    for k in range(np.uint32(0), count):
-        gx, gy, gz = dx[k] - ex[k], dy[k] - ey[k], dz[k] - ez[k]
-        g = fma(gx, gx, fma(gy, gy, gz * gz))
-        e = fma(ex[k], ex[k], fma(ey[k], ey[k], ez[k] * ez[k]))
-        longest = e if e > g else g
-        longest = longest if longest > dd[k] else dd[k]
-        mm = fma(nx[k], nx[k], fma(ny[k], ny[k], nz[k] * nz[k]))
-        less = first or mm * least_under[k] < least_over[k] * longest
-        least_over[k] = mm if less else least_over[k]
-        least_under[k] = longest if less else least_under[k]
 
 
 @inner
 def end(
     sx: Floats, sy: Floats, sz: Floats, sum_K: Floats, areas: Floats, least_over: Floats, least_under: Floats,
     K: Floats, px: Floats, py: Floats, pz: Floats, area: Floats, altitude: Floats,
-    scale: float, dual: bool, bounded: bool, low: Index, count: Index,
+    scale: float, dual: bool, bounded: bool, low: Lane, count: Lane,
 ) -> None:  # fmt: skip
     """Write K, n_p, the area and the least altitude of each vertex; ``areas`` are twice the areas."""
-    for k in range(np.uint32(0), count):
-        p = np.uint32(low + k)
-        by = inverse_root(fma(sx[k], sx[k], fma(sy[k], sy[k], sz[k] * sz[k])))
+    for k in range(Lane(0), count):
+        p = low + k
+        n = (sx[k], sy[k], sz[k])
+        by = inverse_root(dot(n, n))
         px[p], py[p], pz[p] = sx[k] * by, sy[k] * by, sz[k] * by
         K[p] = 1.5 * sum_K[k] / areas[k] if dual else scale * sum_K[k]
         area[p] = 0.5 * areas[k]
     if bounded:
-        for k in range(np.uint32(0), count):
-            altitude[np.uint32(low + k)] = math.sqrt(least_over[k] / least_under[k])
+        for k in range(Lane(0), count):
+            altitude[low + k] = math.sqrt(least_over[k] / least_under[k])
 
 
 @inner
@@ -152,36 +143,41 @@ def any_flat(flat: NDArray[np.int64], count: Index) -> bool:
 def ring_block(
     ring: Indices, x: Floats, y: Floats, z: Floats,
     K: Floats, px: Floats, py: Floats, pz: Floats, area: Floats, altitude: Floats,
-    scratch: Floats, flat: NDArray[np.int64],
-    measure: int, bounded: bool, low: Index, count: Index, degree: Index, at: Index, step: Index,
+    sx: Floats, sy: Floats, sz: Floats, areas: Floats, least_over: Floats, least_under: Floats, sum_K: Floats,
+    ex: Floats, ey: Floats, ez: Floats, dx: Floats, dy: Floats, dz: Floats, dd: Floats,
+    nx: Floats, ny: Floats, nz: Floats, size: Floats,
+    flat: NDArray[np.int64], sine: Floats, cosine: Floats, both: Floats, length: Floats,
+    measure: int, bounded: bool, low: Lane, count: Lane, degree: Lane, at: Lane, step: Lane,
 ) -> None:  # fmt: skip
     """Compute a block of at most BLOCK vertices of the same degree.
 
-    Their neighbours of place j lie at ``ring[at + j·step]`` and behind.
+    Their neighbours of place j lie at ``ring[at + j·step]`` and behind. The rows are given one by one: taking them
+    from an array, for each block, costs more than adding up its angles.
     """
-    ex, ey, ez, dx, dy, dz, dd = (
-        scratch[0], scratch[1], scratch[2], scratch[3], scratch[4], scratch[5], scratch[6],
-    )  # fmt: skip
-    nx, ny, nz, size = scratch[7], scratch[8], scratch[9], scratch[10]
-    sx, sy, sz, sum_K, areas = scratch[11], scratch[12], scratch[13], scratch[14], scratch[15]
-    sine, cosine, both, length = scratch[16], scratch[17], scratch[18], scratch[19]
-    over, under = scratch[20], scratch[21]
-    one = np.uint32(1)
-    begin(
-        ring, x, y, z, ex, ey, ez, dx, dy, dz, dd, nx, ny, nz, size, sx, sy, sz, sum_K, areas, flat,
-        low, count, np.uint32(at + (degree - one) * step), at,
-    )  # fmt: skip
-    for j in range(one, np.uint32(degree + one)):
-        following = at if j == degree else np.uint32(at + j * step)
-        turn(
-            ring, x, y, z, ex, ey, ez, dx, dy, dz, dd, nx, ny, nz, size, sx, sy, sz, areas, flat,
-            sine, cosine, both, length, low, count, following,
+    wide = (count + Lane(LANES - 1)) // Lane(LANES) * Lane(LANES)
+    for k in range(Lane(0), wide):
+        sum_K[k] = 0.0
+    if Lane(FEWEST) <= degree <= Lane(MOST):
+        straight(
+            ring, x, y, z, sx, sy, sz, areas, least_over, least_under, flat, sine, cosine, both, length,
+            low, wide, at, step, degree, bounded,
         )  # fmt: skip
-        bend(sine, cosine, both, length, sum_K, measure == VTK, count)
-        if bounded:
-            lower(ex, ey, ez, dx, dy, dz, dd, nx, ny, nz, over, under, j == one, count)
+        for j in range(Lane(0), degree):
+            bend(sine, cosine, both, length, sum_K, measure == VTK, j * Lane(BLOCK), wide)
+    else:
+        begin(
+            ring, x, y, z, ex, ey, ez, dx, dy, dz, dd, nx, ny, nz, size,
+            sx, sy, sz, areas, least_over, least_under, flat, low, wide, at + (degree - Lane(1)) * step, at,
+        )  # fmt: skip
+        for j in range(Lane(1), degree + Lane(1)):
+            turn(
+                ring, x, y, z, ex, ey, ez, dx, dy, dz, dd, nx, ny, nz, size,
+                sx, sy, sz, areas, least_over, least_under, flat, sine, cosine, both, length,
+                low, wide, at if j == degree else at + j * step,
+            )  # fmt: skip
+            bend(sine, cosine, both, length, sum_K, measure == VTK, Lane(0), wide)
     scale = (3.0 if measure == VTK else 1.0) / degree
     end(
-        sx, sy, sz, sum_K, areas, over, under, K, px, py, pz, area, altitude,
+        sx, sy, sz, sum_K, areas, least_over, least_under, K, px, py, pz, area, altitude,
         scale, measure == DUAL_AREA, bounded, low, count,
     )  # fmt: skip

@@ -94,11 +94,13 @@ class Scratch(NamedTuple):
 
     Attributes:
         rows: (ROWS, STRIDE), see `spherify.geometry.kernels.passes.rings`.
+        angles: (4, ANGLES), as above.
         flat: (STRIDE,) not 0 for a vertex one of whose faces is flat.
 
     """
 
     rows: Floats
+    angles: Floats
     flat: NDArray[np.int64]
 
 

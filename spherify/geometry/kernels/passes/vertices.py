@@ -6,7 +6,8 @@ import numpy as np
 
 from spherify.geometry.kernels.passes.corners import vertex
 from spherify.geometry.kernels.passes.jit import inner
-from spherify.geometry.kernels.passes.rings import BLOCK, any_flat, ring_block
+from spherify.geometry.kernels.passes.rings import any_flat, ring_block
+from spherify.geometry.kernels.passes.straight import BLOCK
 from spherify.geometry.kernels.passes.types import RING, Buffers, Connectivity, Floats, Index, Mode, Scratch
 
 
@@ -36,8 +37,13 @@ def vertex_pass(
     x, y, z = use.position[0], use.position[1], use.position[2]
     px, py, pz = use.normal[0], use.normal[1], use.normal[2]
     K, area, altitude = use.curvature, use.area, use.altitude
-    least, greatest, off = scratch.rows[22], scratch.rows[23], scratch.rows[24]
-    bounded = mode.step_bound > 0
+    rows, flat = scratch.rows, scratch.flat
+    least, greatest, off = rows[18], rows[19], rows[20]
+    sx, sy, sz, areas, over, under, sum_K = rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], rows[6]
+    ex, ey, ez, dx, dy, dz, dd = rows[7], rows[8], rows[9], rows[10], rows[11], rows[12], rows[13]
+    nx, ny, nz, size = rows[14], rows[15], rows[16], rows[17]
+    sine, cosine, both, length = scratch.angles[0], scratch.angles[1], scratch.angles[2], scratch.angles[3]
+    bounded, ring = mode.step_bound > 0, mesh.ring
     for j in range(least.size):
         least[j], greatest[j], off[j] = np.inf, -np.inf, 0.0
     for r in range(first_run, last_run):
@@ -49,12 +55,15 @@ def vertex_pass(
             by_ring = mesh.runs[r, 2] == RING
             if by_ring:
                 ring_block(
-                    mesh.ring, x, y, z, K, px, py, pz, area, altitude, scratch.rows, scratch.flat,
-                    mode.measure, bounded, low, count, mesh.runs[r, 3], at, step,
+                    ring, x, y, z, K, px, py, pz, area, altitude,
+                    sx, sy, sz, areas, over, under, sum_K, ex, ey, ez, dx, dy, dz, dd, nx, ny, nz, size,
+                    flat, sine, cosine, both, length,
+                    mode.measure, bounded, np.uint64(low), np.uint64(count), np.uint64(mesh.runs[r, 3]),
+                    np.uint64(at), np.uint64(step),
                 )  # fmt: skip
-            if not by_ring or any_flat(scratch.flat, count):
+            if not by_ring or any_flat(flat, count):
                 for k in range(np.uint32(0), count):
-                    if not by_ring or scratch.flat[k] != 0:
+                    if not by_ring or flat[k] != 0:
                         p = np.uint32(low + k)
                         vertex(
                             x, y, z, mesh.corners, mesh.halfedges, mesh.twins,
