@@ -45,6 +45,7 @@ class Ending:
         sealed = self._insist(lambda: self._jobs.seal(self._job_id, self._token))
         if sealed is None or sealed is Renewal.FENCED:
             self.say(logging.WARNING, "fenced", "it ended, but the job is not ours any more")
+            self.settle()
             return
         if sealed is Renewal.CANCEL:
             outcome = Outcome(
@@ -84,10 +85,17 @@ class Ending:
     def _committed(self, outcome: Outcome) -> None:
         why = outcome.stop_reason or (outcome.error.code if outcome.error is not None else "")
         self.say(logging.INFO, "commit", f"{outcome.status}: {why}")
+        self.settle()
+
+    def settle(self) -> None:
+        """Bring the files of a job that has ended to their last state; no attempt of ours writes any more.
+
+        Also when it is another's: our runner may have slept through the end of the job, and written since.
+        """
         try:
             settle(self._jobs, self._blobs, self._job_id)
         except JobsError as e:
-            self.say(logging.WARNING, "settle", f"not settled, the reconciler will: {e}")
+            self.say(logging.WARNING, "settle", f"not settled: {e}")
 
     def hand_on(self) -> None:
         """Let another worker go on, and count no loss."""

@@ -299,6 +299,7 @@ class _Attempt:
         if verdict is Verdict.FENCED:
             self._ending.say(logging.WARNING, "fenced", "the job is not ours any more: the runner was killed")
             self._ending.hand_on()  # if it is, because nobody could take it: the server was away for all
+            self._ending.settle()
         elif verdict is Verdict.STOPPED:
             self._ending.hand_on()
         elif verdict is Verdict.UNBORN:

@@ -55,7 +55,8 @@ def assert_nothing_left(stack: Stack, job_ids: set[str]) -> None:
         job = stack.stores.jobs.get(job_id)
         assert job.status is JobStatus.SUCCESSFUL
         mine = {stat.key for stat in blobs.list(layout.job_folder(job_id))}
-        assert mine == {layout.spec(job_id), layout.result(job_id), *(s.key for s in job.snapshots)}
+        named = {layout.spec(job_id), layout.result(job_id), *(s.key for s in job.snapshots)}
+        assert (mine - named, named - mine) == (set(), set())
     struck = list(blobs.scratch().iterdir())  # of who was killed while writing; swept after a day
     assert len(struck) <= 5, struck
 

@@ -12,11 +12,13 @@ import pytest
 
 from spherify.jobs import layout
 from spherify.jobs.cancel import cancel
+from spherify.jobs.delete import delete_job
 from spherify.jobs.errors import StorageFullError, StoreUnavailableError
-from spherify.jobs.model import Job, JobStatus
+from spherify.jobs.model import Job, JobError, JobStatus, Outcome
 from spherify.jobs.ports import BlobStat, CancelOutcome, Claim
 from spherify.jobs.reconcile import Reconciler
 from spherify.jobs.results import read_result
+from spherify.jobs.settle import settle
 from spherify.jobs.submit import submit
 from spherify.settings import Settings
 from spherify.stores import keys
@@ -169,6 +171,33 @@ def test_an_attempt_that_was_overtaken_writes_no_result(
     assert (job.status, job.worker, job.attempt) == (JobStatus.RUNNING, "other", 2)
     assert read_result(stores.blobs, job_id) is None
     assert not runners.last.alive
+
+
+@pytest.mark.parametrize("deleted", [False, True])
+def test_an_attempt_that_slept_through_the_end_of_its_job_leaves_no_file(
+    stores: Stores, settings: Settings, runners: Watched, deleted: bool
+) -> None:
+    job_id = endless(stores)
+
+    def sleep_through() -> None:
+        stores.jobs.lose(job_id, stores.jobs.get(job_id).token)
+        other = stores.jobs.claim(job_id, "other").token
+        outcome = Outcome(JobStatus.FAILED, error=JobError("collapsed", "as it may"))
+        assert stores.jobs.commit(job_id, other, outcome)
+        settle(stores.jobs, stores.blobs, job_id)
+        if deleted:
+            delete_job(stores.jobs, stores.blobs, job_id)
+        stores.blobs.create(layout.numbered(layout.checkpoints(job_id), 1, 10**6), b"written since")
+
+    tick = when_computing(stores, job_id, sleep_through)
+    Supervisor(stores.jobs, stores.blobs, stores.queue, settings, runners, stopping=tick).run(job_id, "w")
+    assert not runners.last.alive
+    left = {stat.key for stat in stores.blobs.list(layout.job_folder(job_id))}
+    if deleted:
+        assert left == set()
+    else:
+        kept = {snapshot.key for snapshot in stores.jobs.get(job_id).snapshots}
+        assert left == {layout.spec(job_id), layout.result(job_id), *kept}
 
 
 class Mute(Watched):
