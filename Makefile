@@ -14,9 +14,9 @@ MAKEFLAGS += --no-print-directory
 help: ## list the verbs
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-10s %s\n", $$1, $$2}'
 
-setup: $(VENV)/.runtime $(PAGE) ## make .venv with what the service, the worker and the command line need, and build the web page
+setup: $(VENV)/.runtime $(VENV)/.kernels $(PAGE) ## make .venv with what the service, the worker and the command line need, and build the web page
 
-setup-dev: $(VENV)/.dev $(PAGE) ## the same with what lint and tests need
+setup-dev: $(VENV)/.dev $(VENV)/.kernels $(PAGE) ## the same with what lint and tests need
 
 $(VENV)/bin/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
@@ -32,6 +32,12 @@ $(VENV)/.runtime: requirements/runtime.lock pyproject.toml | $(VENV)/bin/python
 $(VENV)/.dev: requirements/dev.lock $(VENV)/.runtime
 	@echo "Installing the locked development packages into $(VENV) …"
 	@$(PIP) install --require-hashes -r requirements/dev.lock
+	@touch $@
+
+# What is there already and still of these sources is not made anew.
+$(VENV)/.kernels: $(wildcard spherify/geometry/kernels/passes/*.py) | $(VENV)/.runtime
+	@echo "Making the machine code of the kernels, about a minute …"
+	@$(BIN)/python -m spherify.geometry.kernels
 	@touch $@
 
 $(PAGE): $(shell find $(WEB)/src $(WEB)/public -type f -not -path '*/generated/*' 2>/dev/null) \

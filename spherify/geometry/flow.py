@@ -174,7 +174,7 @@ def engine_for(
         resume: its checkpoint; None before there is one.
         engine: who computes a new run; None is `default_engine`.
         threads: it computes with, where it can.
-        say: told in one line if the compiled engine cannot be loaded.
+        say: told in one line if the compiled engine cannot be loaded, or the threads cannot be had.
 
     Raises:
         InvalidConfigError: there is no engine of that name, or it cannot be loaded.
@@ -185,6 +185,8 @@ def engine_for(
             if np.array_equal(resume["fingerprint"], fingerprint_of(mesh, config, name)):
                 engine = name
     if engine == "reference":
+        if threads > 1:
+            say(f"the reference engine computes with one thread, not with {threads}")
         return get_engine(engine)
     return (
         default_engine(threads, say) if engine is None or resume is not None else get_engine(engine, threads)

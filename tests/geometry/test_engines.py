@@ -112,6 +112,9 @@ def test_where_numba_cannot_be_loaded():
 def test_the_reference_has_one_thread():
     with pytest.raises(InvalidConfigError, match="one thread"):
         get_engine("reference", threads=2)
+    said = []
+    engine_for(sample("stone", 200), ROBUST, None, engine="reference", threads=2, say=said.append)
+    assert said == ["the reference engine computes with one thread, not with 2"]
 
 
 @pytest.mark.parametrize("engine", ["reference", "compiled"])
