@@ -1,5 +1,15 @@
 import { asProblem, problemOf, unreachable } from './problem';
-import type { Info, Job, JobStatus, Mesh, Metrics, ParametersDescription, Preset, Sample } from './types';
+import type {
+  DryRun,
+  Info,
+  Job,
+  JobStatus,
+  Mesh,
+  Metrics,
+  ParametersDescription,
+  Preset,
+  Sample,
+} from './types';
 
 /** What a job is asked for with: the JSON of `POST /v1/jobs`. */
 export interface JobRequest {
@@ -61,6 +71,11 @@ export class Api {
 
   mesh(id: string): Promise<Mesh> {
     return this.get(`/v1/meshes/${id}`);
+  }
+
+  /** Have a request checked, and told what it would take; no job is made. */
+  rehearse(request: JobRequest): Promise<DryRun> {
+    return this.send('POST', '/v1/jobs?dry_run=true', request);
   }
 
   submit(request: JobRequest): Promise<Job> {

@@ -12,6 +12,7 @@ export type Metrics = Schemas['MetricsOut'];
 export type Info = Schemas['InfoOut'];
 export type Preset = Schemas['PresetOut'];
 export type ParametersDescription = Schemas['ParametersOut'];
+export type DryRun = Schemas['DryRunOut'];
 export type Sample = Schemas['SampleOut'];
 export type ProblemDocument = Schemas['ProblemOut'];
 

@@ -14,7 +14,7 @@ interface Series {
 
 const number = (value: number | null | undefined): number | null => value ?? null;
 const SERIES: readonly Series[] = [
-  { title: 'Sphericity', meaning: 'Ψ = (36πV²)^⅓ / A: 1 for a sphere', of: (row) => number(row.sphericity) },
+  { title: 'Sphericity', meaning: 'Ψ = ∛(36πV²) / A: 1 for a sphere', of: (row) => number(row.sphericity) },
   {
     title: 'Variation',
     meaning: 'of the radius: standard deviation over mean, 0 for a sphere',

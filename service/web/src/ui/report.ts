@@ -22,8 +22,9 @@ export function reportCard(name: string, report: Report): TemplateResult {
     ['Triangles', count(report.faces)],
     ['Sphericity Ψ', share(report.sphericity)],
     ['Mean edge', figure(report.mean_edge, 3)],
-    ['Size', size],
     ['Worst triangle', figure(report.least_quality, 2)],
+    ['Volume', figure(report.volume)],
+    ['Size, in units of the file', size],
   ];
   return html`<section class="card report" aria-label="Report">
     <h2>${name}</h2>
@@ -36,7 +37,7 @@ export function reportCard(name: string, report: Report): TemplateResult {
     <dl class="figures">
       ${figures.map(
         ([term, value]) =>
-          html`<div>
+          html`<div class=${value === size ? 'wide' : ''}>
             <dt>${term}</dt>
             <dd>${value}</dd>
           </div>`,

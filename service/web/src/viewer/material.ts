@@ -55,7 +55,9 @@ void main() {
   vec3 hue = texture2D(scale, vec2((vValue - range.x) / max(range.y - range.x, 1e-30), 0.5)).rgb;
   float light = dot(clay, vec3(0.2126, 0.7152, 0.0722));
   vec3 colour = mix(clay, hue * (0.35 + 0.78 * light), coloured);
-  if (!gl_FrontFacing) colour *= vec3(0.62, 0.5, 0.5); // the inside
+  // the inside; but not its last sliver along an outline, which would draw a dotted line there
+  float seen = smoothstep(0.1, 0.35, abs(dot(facet, view)));
+  if (!gl_FrontFacing) colour *= mix(vec3(1.0), vec3(0.62, 0.5, 0.5), seen);
   gl_FragColor = vec4(colour, 1.0);
 }`;
 

@@ -1,7 +1,8 @@
 import { html, nothing, type TemplateResult } from 'lit-html';
 import type { JobRequest } from '../api/client';
 import { asProblem, type Problem } from '../api/problem';
-import type { Job, Mesh } from '../api/types';
+import type { DryRun, Job, Mesh } from '../api/types';
+import { bytes, duration } from '../core/format';
 import { carried, changes, fieldsOf, type FormField, type Json, type Values } from '../core/schema';
 import { curl, python } from '../core/snippets';
 import { copy } from '../ui/clipboard';
@@ -17,6 +18,8 @@ const PLANS = [
   ['every:100', 'Every 100th'],
 ] as const;
 
+const PAUSE_MS = 400;
+
 /** What shall be done with a mesh: preset, iterations, states to keep, and every parameter, from the schema. */
 export class JobForm {
   private preset = '';
@@ -25,6 +28,9 @@ export class JobForm {
   private name: string;
   private problem: Problem | null = null;
   private sending = false;
+  private asked = ''; // the request that the estimate is of, or will be
+  private estimate: DryRun['estimate'] | null = null;
+  private timer: ReturnType<typeof setTimeout> | undefined;
 
   constructor(
     private readonly context: Context,
@@ -58,6 +64,7 @@ export class JobForm {
         this.values = { ...this.values, ...values };
         this.context.refresh();
       });
+    if (sound(all, this.values)) this.rehearse();
     return html`<form
       class="card job-form"
       aria-label="Run"
@@ -74,7 +81,7 @@ export class JobForm {
         </summary>
         ${draw(rest)}
       </details>
-      ${this.problem ? problemCard(this.problem, null) : nothing}
+      ${this.problem ? problemCard(this.problem, null) : nothing} ${this.cost()}
       <div class="actions">
         <button class="primary" type="submit" ?disabled=${this.sending || !sound(all, this.values)}>
           ${icon('play')} ${this.sending ? 'Starting …' : 'Run'}
@@ -87,6 +94,42 @@ export class JobForm {
         </button>
       </div>
     </form>`;
+  }
+
+  /** What the run takes if it does all its iterations. */
+  private cost(): TemplateResult {
+    const { estimate } = this;
+    return html`<p class="hint cost" aria-live="polite">
+      ${
+        estimate
+          ? `At most about ${duration(estimate.seconds)} of computing and ${bytes(estimate.storage_bytes)} of states; most runs end before.`
+          : '\u00a0'
+      }
+    </p>`;
+  }
+
+  /** Ask the service, once one has stopped changing things for a moment. */
+  private rehearse(): void {
+    const { request } = this;
+    const asked = JSON.stringify(request);
+    if (asked === this.asked) return;
+    this.asked = asked;
+    clearTimeout(this.timer);
+    this.timer = setTimeout(() => {
+      void this.weigh(request, asked);
+    }, PAUSE_MS);
+  }
+
+  private async weigh(request: JobRequest, asked: string): Promise<void> {
+    let estimate: DryRun['estimate'] | null = null;
+    try {
+      ({ estimate } = await this.context.api.rehearse(request));
+    } catch {
+      // what is wrong is said when the run is asked for
+    }
+    if (asked !== this.asked) return;
+    this.estimate = estimate;
+    this.context.refresh();
   }
 
   private get original(): Values {

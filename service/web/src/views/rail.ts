@@ -86,7 +86,7 @@ function entry(context: Context, job: Job, open: boolean): TemplateResult {
       <span class="name">${job.name}</span>
       <span class="hint">
         ${job.status === 'successful' ? nothing : html`<span class="dot ${job.status}"></span>${STATUS_WORDS[job.status]} · `}${
-          job.metrics ? `Ψ ${share(job.metrics.sphericity)} · ` : ''
+          job.metrics && job.status === 'successful' ? `Ψ ${share(job.metrics.sphericity)} · ` : ''
         }${ago(job.created_at)}
       </span>
       ${running ? html`<progress max="100" .value=${job.progress.percent} aria-label="Progress of ${job.name}"></progress>` : nothing}
