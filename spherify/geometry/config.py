@@ -63,13 +63,13 @@ class Annealing:
 class Unfolding:
     """Finish on the sphere: see `spherify.geometry.unfolding`. Ours; of closed meshes only.
 
-    It begins once the surface is that round, if by then a face looks inward or has nearly vanished, and lasts to the
-    end of the run: elementary steps go along the radii, without a bound, and rounds of unfolding follow each iteration.
+    It begins once the surface is that round, if by then a face looks inward or has nearly vanished; or, less round,
+    where nothing gets rounder any more. It lasts to the end of the run: T goes along the radii, and rounds of unfolding
+    follow each iteration while a face looks inward, and of drawing apart while one has nearly vanished.
 
     Attributes:
         sphericity: from which on.
-        exponent: neighbours weigh (area of the triangles at them) to this power; it grows by itself while triangles
-            all but vanish.
+        exponent: neighbours weigh (area of the triangles at them) to this power.
         rounds: after each iteration.
 
     """

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,18 +24,20 @@ from spherify.geometry.mesh import Floats, TriangleMesh
 from spherify.geometry.methods import Breakdown, Standstill, prepare
 from spherify.geometry.metrics import Metrics, metrics_of
 from spherify.geometry.progress import Progress, fingerprint_of
-from spherify.geometry.quality import inward_faces
+from spherify.geometry.quality import inward_faces, least_area
 from spherify.geometry.roundness import Shape
 from spherify.geometry.topology import Topology
+
+VANISHED: Final = (
+    2e-6  # share of the mean area below which a triangle is as good as none; with room to a millionth
+)
 
 
 class StopReason(StrEnum):
     """Why a run ended."""
 
     ITERATIONS = "iterations"  # all were done
-    CONVERGED = (
-        "converged"  # the radius variation fell below config.stop_radius_variation, and no face looks inward
-    )
+    CONVERGED = "converged"  # below config.stop_radius_variation, and no face looks inward or has vanished
     STALLED = "stalled"  # annealed down to config.annealing.min_step; a flow: config.patience iterations without a rise
     CONSTANT_CURVATURE = "constant-curvature"  # K_max = K_min leaves t undefined: the mesh does not move
     COLLAPSED = "collapsed"  # the next state was not finite, inside out or pinched; the best is the result
@@ -253,10 +255,10 @@ class _Run:
                 f"iteration {progress.broke_at} {progress.broke_how}; "
                 f"the result is the best state, that of iteration {progress.iteration}"
             )
-        if shape.radius_variation < config.stop_radius_variation and not self._folded(progress):
+        if shape.radius_variation < config.stop_radius_variation and self._true(progress):
             return StopReason.CONVERGED, (
                 f"the radius variation {shape.radius_variation:.2e} is below {config.stop_radius_variation:g}, "
-                "and no face looks inward"
+                "and no face looks inward or has vanished"
             )
         if (stalled := self.method.stalled(progress)) is not None:
             return StopReason.STALLED, stalled
@@ -284,11 +286,14 @@ class _Run:
         best = (progress.best_iteration, progress.best_position, progress.best_shape)
         if shape.sphericity > progress.best_shape.sphericity:
             best = (progress.iteration + 1, moved, shape)
-        return Progress(progress.iteration + 1, moved, shape, self.method.remember(progress, shape), *best)
+        return Progress(
+            progress.iteration + 1, moved, shape, self.method.remember(progress, shape, factor), *best
+        )
 
-    def _folded(self, progress: Progress) -> bool:
-        """Whether a face looks towards the centroid: folds of little area, which no radius shows."""
-        return inward_faces(progress.position, self._topology.faces, progress.shape.centroid) > 0
+    def _true(self, progress: Progress) -> bool:
+        """Whether no face looks towards the centroid or has all but vanished, which no radius shows."""
+        V, F = progress.position, self._topology.faces
+        return inward_faces(V, F, progress.shape.centroid) == 0 and least_area(V, F) >= VANISHED
 
     def _rescaling(self, shape: Shape) -> float:
         """Return the factor that restores the area or volume of the start."""

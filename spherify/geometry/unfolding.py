@@ -2,14 +2,16 @@
 
 Seen from the centre c every vertex has a direction u = (p - c) / |p - c| and a radius |p - c|. If the triangles of the
 directions all face outward, no radii whatever can make a face look inward. So the two are treated apart: the
-transformation moves radii, and each direction is drawn to the weighted mean of its neighbours' directions,
+transformation moves radii (`rounded`), and each direction is drawn to the weighted mean of its neighbours' directions,
 
     u ← normalised(u + φ (m - (m·u) u)),  m = Σ w_q q / Σ w_q,  log w_q = e · smoothed log(area of the triangles at q)
 
-As convex combinations these unfold (Tutte, "How to draw a graph", 1963; Floater, "Parametrization and smooth
-approximation of surface triangulations", 1997). Uniform weights shrink a limb of length l and radius r to a tip of
-exp(-2 l/r) of the area; weights that grow with the area as above to exp(-2 l / (r √(1 + 4e))). They depend on what they
-bring about, so they are smoothed along the surface and only approached, or they would swing to and fro.
+until no face looks inward. As convex combinations these unfold (Tutte, "How to draw a graph", 1963; Floater,
+"Parametrization and smooth approximation of surface triangulations", 1997). Uniform weights shrink a limb of length l
+and radius r to a tip of exp(-2 l/r) of the area; weights that grow with the area as above to exp(-2 l / (r √(1 + 4e))).
+They depend on what they bring about, so they are smoothed along the surface and only approached, or they would swing to
+and fro. What limbs then have left may be less than 1e-9 of the mean area: `spread` draws these triangles apart without
+turning any.
 """
 
 from __future__ import annotations
@@ -28,7 +30,14 @@ SMOOTHINGS: Final = (
     8  # of the logarithms of the areas: a vertex and the mean of its neighbours, half and half
 )
 LEAST_LOG_WEIGHT: Final = -600.0  # e^-600: sums of weights do not vanish
+LEAST_ALTITUDE: Final = 1e-30
 LEAST_AREA: Final = 1e-300  # under a logarithm
+SPREAD: Final = 0.5  # of the way to the point where the product of the areas around a vertex is the greatest
+NO_FLIP: Final = (
+    0.3  # of the least altitude around: two corners that come nearer by half of it flip a triangle
+)
+CROWDED: Final = 1e-5  # share of the mean area, of a triangle whose corners are drawn apart
+EQUAL_RADII: Final = 1e-15  # a curvature below this share of the radius is rounding
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -96,6 +105,100 @@ def unfolded(
         U = measures.normalised(U + FRACTION * (mean - measures.dot(mean, U)[:, None] * U))
     inward, least_area = folds(U, F)
     return Unfolded(np.asfortranarray(centre + radii * U), log_weights, inward, least_area)
+
+
+def spread(V: Floats, topology: Topology, centre: Floats, rounds: int) -> Unfolded:
+    """Draw triangles of directions apart that have all but vanished, all of which look outward, and keep to do so.
+
+    Each corner of a triangle of less than CROWDED times the mean area makes SPREAD of a step of Newton's method in its
+    tangent plane towards the greatest product of the areas around it, a barrier that no triangle passes; but none moves
+    further than NO_FLIP times the least altitude
+    around it. With h the distance of u from the great circle through the other corners of a triangle, and m the
+    normal of that circle: g = Σ m/h, H = Σ m mᵀ/h², both in the tangent plane, u ← normalised(u + H⁻¹g/2).
+
+    Args:
+        V: (n, 3) positions; radii stay.
+        topology: of the mesh, closed.
+        centre: (3,) c.
+        rounds: how often.
+
+    Returns:
+        its log_weights are empty.
+
+    """
+    F, n = topology.faces, topology.n_vertices
+    spokes = V - centre
+    radii = measures.norm(spokes)[:, None]
+    U = spokes / radii
+    for _ in range(rounds):
+        first, second = _tangents(U)
+        along, least = np.zeros((n, 5)), np.full(n, np.inf)
+        areas = measures.face_areas(U, F)
+        crowded = np.zeros(n, dtype=np.bool_)
+        crowded[F[areas < CROWDED * areas.mean()]] = True
+        for k in range(3):
+            p, q, r = (F[:, (k + j) % 3] for j in range(3))
+            across = np.cross(U[q], U[r] - U[q])
+            length = np.maximum(measures.norm(across), LEAST_AREA)
+            altitude = np.maximum(measures.dot(across, U[p] - U[q]) / length, LEAST_ALTITUDE)
+            by = 1 / (length * altitude)
+            x, y = by * measures.dot(across, first[p]), by * measures.dot(across, second[p])
+            for column, values in enumerate((x, y, x * x, x * y, y * y)):
+                along[:, column] += measures.scatter(p, values, n)
+            for corner in (p, q, r):
+                np.minimum.at(least, corner, altitude)
+        g, (a, b, c) = along[:, :2], along[:, 2:].T
+        determinant = np.maximum(a * c - b * b, LEAST_AREA)
+        x, y = (c * g[:, 0] - b * g[:, 1]) / determinant, (a * g[:, 1] - b * g[:, 0]) / determinant
+        most = NO_FLIP * least / np.maximum(np.hypot(x, y), LEAST_AREA)
+        by = np.where(crowded, np.minimum(SPREAD, most), 0)[:, None]
+        U = measures.normalised(U + by * (x[:, None] * first + y[:, None] * second))
+    inward, least_area = folds(U, F)
+    return Unfolded(np.asfortranarray(centre + radii * U), np.zeros(0), inward, least_area)
+
+
+def _tangents(U: Floats) -> tuple[Floats, Floats]:
+    """Two (n, 3) orthonormal tangents of the sphere at each direction."""
+    axis = np.where(np.abs(U[:, :1]) < 0.6, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
+    first = measures.normalised(np.cross(U, axis))
+    return first, np.cross(U, first)
+
+
+def rounded(V: Floats, topology: Topology, centre: Floats, k_in: int, k_out: int) -> Floats | None:
+    """Apply T_(k_in, k_out, C) along the radii: directions stay, so that no face can be turned.
+
+    The normal curvature of the edge from p to q, with the direction of p for the normal, is that of the sphere about c
+    through p where |q - c| = |p - c|. What it exceeds that by, times |p - q|², is a length as K(e) = l·θ of the paper
+    is, and, with the mean radius of the edge in the place of that of p, K(e) = 2 (|p - c| - |q - c|). K(p) is half its
+    average over the edges: 0 on a round sphere whatever its triangles, which curvature from angles and areas is not.
+    The window is [-C, C] with C the greatest |K|, the longest step that does not overshoot; but no vertex passes c.
+
+    Args:
+        V: (n, 3) positions.
+        topology: of the mesh, closed.
+        centre: (3,) c.
+        k_in: elementary steps inward.
+        k_out: elementary steps outward, after them.
+
+    Returns:
+        (n, 3) new positions; None if all radii are equal.
+
+    """
+    n = topology.n_vertices
+    a, b = topology.edges[:, 0], topology.edges[:, 1]
+    degrees = np.bincount(topology.edges.reshape(-1), minlength=n)
+    before = measures.norm(V - centre)
+    radii = before
+    for i in range(k_in + k_out):
+        K = radii - (measures.scatter(a, radii[b], n) + measures.scatter(b, radii[a], n)) / degrees
+        greatest, least = float(np.abs(K).max()), float(radii.min())
+        if greatest <= EQUAL_RADII * least:
+            if i == 0:
+                return None
+            break
+        t = (K + greatest) / (2 * greatest)
+        radii = radii + min(greatest, 0.5 * least) * (-t if i < k_in else 1 - t)
+    return np.asfortranarray(centre + (radii / before)[:, None] * (V - centre))
 
 
 def folds(U: Floats, F: Ints) -> tuple[int, float]:

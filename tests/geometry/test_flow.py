@@ -92,7 +92,7 @@ class TestReasonsToStop:
         assert only.iteration == 0
 
     def test_stalled(self):
-        config = replace(ROBUST, annealing=Annealing(3, 0.5, 0.01))
+        config = replace(ROBUST, annealing=Annealing(3, 0.5, 0.01), unfolding=None)
         last = run(sample("cube", 26), config)[-1]
         assert last.stop_reason is StopReason.STALLED
         assert "0.01" in last.stop_detail

@@ -37,7 +37,7 @@ from spherify.geometry.kernels.passes.types import (
     Mode,
     Task,
 )
-from spherify.geometry.kernels.passes.unfolding import move_radially, unfold
+from spherify.geometry.kernels.passes.unfolding import move_radially, spread, unfold
 from spherify.geometry.kernels.reference import ReferenceKernel
 from spherify.geometry.kernels.team import Team
 from spherify.geometry.mesh import Floats
@@ -47,7 +47,15 @@ from spherify.geometry.unfolding import Unfolded
 
 PASSES_OF_SHAPE: Final = (shape.INTEGRATE, shape.CENTRE, shape.RADII, shape.MOMENTS, shape.SPREAD)
 ALL_MEASURES: Final = sum(PASSES_OF_SHAPE)
-ENTRIES: Final[Sequence[Callable[..., Any]]] = (walk, by_levels, work, shape.measure, move_radially, unfold)
+ENTRIES: Final[Sequence[Callable[..., Any]]] = (
+    walk,
+    by_levels,
+    work,
+    shape.measure,
+    move_radially,
+    unfold,
+    spread,
+)
 """All that Python calls."""
 WORTH_SHARING: Final = 20_000  # vertices; below, handing out the parts takes as long as they do
 
@@ -88,17 +96,15 @@ class CompiledKernel:
             return self._reference.transform(V, stage, step, relaxation)
         return self._unloaded()
 
-    def transform_radially(self, V: Floats, stage: Stage, step: float, centre: Floats) -> Floats | None:
+    def transform_radially(self, V: Floats, stage: Stage, centre: Floats) -> Floats | None:
         """See `spherify.geometry.kernels.interface.Kernel.transform_radially`."""
         self._load(V)
-        for outward in [False] * stage.k_in + [True] * stage.k_out:
-            found = self._curvature(Task(0, *self._parts[0], 1, 0, step, 0.0))
-            if found.end == CONSTANT:
-                return None
-            if found.end == NOT_FINITE:
-                return self._reference.transform_radially(V, stage, step, centre)
-            use = self._use
-            move_radially(use.position, use.curvature, found.K_min, found.K_max, step, outward, centre)
+        use, mesh = self._use, self._mesh
+        around = self._around()
+        if not move_radially(
+            use.position, mesh.first, around, centre, use.curvature, stage.k_in, stage.k_out
+        ):
+            return None
         return self._unloaded()
 
     def unfold(
@@ -106,15 +112,13 @@ class CompiledKernel:
     ) -> Unfolded:
         """See `spherify.geometry.kernels.interface.Kernel.unfold`."""
         mesh = self._mesh
-        if self._neighbours is None:
-            self._neighbours = _neighbours(mesh)
         self._load(V)
         weights = log_weights[self._numbering.order]
         inward, least_area = unfold(
             self._use.position,
             mesh.corners,
             mesh.first,
-            self._neighbours,
+            self._around(),
             weights,
             centre,
             exponent,
@@ -122,6 +126,12 @@ class CompiledKernel:
             rounds,
         )
         return Unfolded(self._unloaded(), weights[self._numbering.place], inward, least_area)
+
+    def spread(self, V: Floats, centre: Floats, rounds: int) -> Unfolded:
+        """See `spherify.geometry.kernels.interface.Kernel.spread`."""
+        self._load(V)
+        inward, least_area = spread(self._use.position, self._mesh.corners, centre, rounds)
+        return Unfolded(self._unloaded(), np.zeros(0), inward, least_area)
 
     def shape(self, V: Floats) -> Shape:
         """See `spherify.geometry.kernels.interface.Kernel.shape`."""
@@ -205,6 +215,12 @@ class CompiledKernel:
             part.last,
         )
 
+    def _around(self) -> NDArray[np.uint32]:
+        """(3m,) neighbours of the vertices, made when first needed."""
+        if self._neighbours is None:
+            self._neighbours = _neighbours(self._mesh)
+        return self._neighbours
+
     def _load(self, V: Floats, *, to_move: bool = True) -> None:
         """Take positions into the order of the passes, unless they are there: those that were returned last."""
         loaded = self._last is not None and self._last() is V and not V.flags.writeable
@@ -266,5 +282,6 @@ class CompiledEngine:
         kernel = self.prepare(Topology.of(4, faces), FlowConfig(iterations=1))
         kernel.transform(corners, Stage(1, 1, 0), 0.1, 0.0)
         centre = kernel.shape(corners).centroid
-        kernel.transform_radially(corners, Stage(1, 1, 0), 0.1, centre)
+        kernel.transform_radially(corners, Stage(1, 1, 0), centre)
         kernel.unfold(corners, centre, np.zeros(4), exponent=1.0, damping=1.0, rounds=1)
+        kernel.spread(corners, centre, 1)

@@ -30,17 +30,18 @@ class Kernel(Protocol):
         """
         ...
 
-    def transform_radially(self, V: Floats, stage: Stage, step: float, centre: Floats) -> Floats | None:
-        """Apply T once with the direction from ``centre`` (3,) for the normal; neither bound nor relaxation.
-
-        Arguments and result otherwise as of `transform`. No face that looks outward from the centre can be turned.
-        """
+    def transform_radially(self, V: Floats, stage: Stage, centre: Floats) -> Floats | None:
+        """Do what `spherify.geometry.unfolding.rounded` does."""
         ...
 
     def unfold(
         self, V: Floats, centre: Floats, log_weights: Floats, *, exponent: float, damping: float, rounds: int
     ) -> Unfolded:
         """Do what `spherify.geometry.unfolding.unfolded` does."""
+        ...
+
+    def spread(self, V: Floats, centre: Floats, rounds: int) -> Unfolded:
+        """Do what `spherify.geometry.unfolding.spread` does."""
         ...
 
     def shape(self, V: Floats) -> Shape:

@@ -85,7 +85,7 @@ class ImplicitFlow:
             f"in {self._config.patience} iterations"
         )
 
-    def remember(self, progress: Progress, shape: Shape) -> Memory:
+    def remember(self, progress: Progress, shape: Shape, factor: float) -> Memory:
         """See `Method.remember`."""
         plateau, waited = progress.memory["waiting"]
         if shape.sphericity > plateau + PLATEAU_RISE:

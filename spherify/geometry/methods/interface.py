@@ -79,6 +79,9 @@ class Method(Protocol):
         """Return positions (n, 3) one iteration later, a new array; not necessarily finite, nor a valid surface."""
         ...
 
-    def remember(self, progress: Progress, shape: Shape) -> Memory:
-        """Return what is remembered once ``progress`` was left for a valid state of this shape."""
+    def remember(self, progress: Progress, shape: Shape, factor: float) -> Memory:
+        """Return what is remembered once ``progress`` was left for a valid state of this shape.
+
+        ``factor`` is what that state was rescaled by, about its centroid.
+        """
         ...
