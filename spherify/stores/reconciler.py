@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 import time
+from collections.abc import Callable
 from typing import Final
 
 from spherify.jobs.errors import StoreUnavailableError
@@ -14,8 +15,50 @@ from spherify.stores.connect import open_stores
 from spherify.stores.leader import Leadership
 
 OUTAGE_SHARE: Final = 0.5
-"""Of the lease: when nothing was heard of the server for that long, workers may not have been able to renew theirs."""
+"""Of the lease: when the server did not answer for that long, workers may not have been able to renew theirs."""
 log = logging.getLogger(__name__)
+
+
+class Rounds:
+    """Scans, once a period, and tells an outage of the server from the pause between two, and from other trouble.
+
+    Args:
+        reconciler: what scans.
+        lead: becomes or stays the leader, which the server answers; raises `StoreUnavailableError`.
+        lease_s: of the workers.
+        period_s: the pause between two rounds, in which nothing is asked.
+        clock: seconds.
+
+    """
+
+    def __init__(
+        self,
+        reconciler: Reconciler,
+        lead: Callable[[], bool],
+        *,
+        lease_s: float,
+        period_s: float,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._reconciler = reconciler
+        self._lead = lead
+        self._silence_s = period_s + OUTAGE_SHARE * lease_s
+        self._clock = clock
+        self._heard_at = clock()
+
+    def go(self) -> None:
+        """Scan if this process leads; raises `StoreUnavailableError`."""
+        leads = self._lead()
+        silent = self._clock() - self._heard_at > self._silence_s
+        self._heard_at = self._clock()
+        if not leads:
+            return
+        if silent:
+            self._reconciler.after_outage()
+        try:
+            self._reconciler.scan(still=self._lead)
+        finally:  # of a scan that failed too: when only the files are away, leases run out as ever
+            self._heard_at = self._clock()
 
 
 class ReconcilerThread(threading.Thread):
@@ -37,17 +80,12 @@ class ReconcilerThread(threading.Thread):
         period = self._settings.reconcile_s
         leadership = Leadership(stores.client, self._owner, lease_s=3 * period)
         reconciler = Reconciler(stores.stock, orphan_s=self._settings.orphan_s)
+        rounds = Rounds(reconciler, leadership.acquire, lease_s=self._settings.lease_s, period_s=period)
         pause = 0.0
-        answered = time.monotonic()
         while not self._done.wait(pause):
             pause = period
             try:
-                leads = leadership.acquire()
-                if time.monotonic() - answered > OUTAGE_SHARE * self._settings.lease_s:
-                    reconciler.after_outage()
-                if leads:
-                    reconciler.scan(still=leadership.acquire)
-                answered = time.monotonic()
+                rounds.go()
             except StoreUnavailableError as e:
                 log.warning("the job store does not answer: %s", e, extra={"action": "reconcile"})
             except Exception:  # a scan that fails must not be the last one; the trace goes to the log
