@@ -97,21 +97,24 @@ class Ending:
         except JobsError as e:
             self.say(logging.WARNING, "settle", f"not settled: {e}")
 
-    def hand_on(self) -> None:
-        """Let another worker go on, and count no loss."""
+    def hand_on(self, *, ahead: bool = True) -> None:
+        """Let another worker go on, and count no loss.
+
+        Ahead of what has not begun, unless the job may come back as fast: it is not to keep the others waiting.
+        """
         if self._insist(lambda: self._jobs.release(self._job_id, self._token)):
             self.say(logging.INFO, "hand-on", "left where it stands, for another worker")
-            self._send()
+            self._send(ahead=ahead)
 
     def lose(self, why: str) -> None:
         """Give the job up, and count a loss."""
         self.say(logging.WARNING, "lose", why)
         if self._insist(lambda: self._jobs.lose(self._job_id, self._token)):
-            self._send()
+            self._send(ahead=True)
 
-    def _send(self) -> None:
+    def _send(self, *, ahead: bool) -> None:
         try:
-            self._queue.send(self._job_id, ahead=True)
+            self._queue.send(self._job_id, ahead=ahead)
         except StoreUnavailableError:
             self.say(logging.WARNING, "send", "not sent: the reconciler will")
 

@@ -36,6 +36,7 @@ START_S: Final = (
 FAILED_STARTS: Final = (
     3  # in a row, after which the worker gives up: another one, or the next life of it, may do better
 )
+REST_S: Final = 1.0  # after a job whose files could not be reached: the next one's may be as far
 _LEAST_S: Final = 3.0  # time for an attempt at a job whose limit is over, in which the runner tells so
 _SPARE_S: Final = 0.5  # a brief job is not to share its processor with the start of a spare
 _TICK_S: Final = 0.25
@@ -198,9 +199,12 @@ class _Attempt:
             self._ending.say(logging.WARNING, "account", f"what was spent is not written: {e}")
 
     def put_off(self, error: StoreUnavailableError) -> None:
-        """Hand on because the files cannot be reached, which is neither a loss nor an end."""
+        """Hand on because the files cannot be reached, which is neither a loss nor an end; then rest."""
         self._ending.say(logging.WARNING, "put-off", f"its files cannot be reached: {error}")
-        self._ending.hand_on()
+        self._ending.hand_on(ahead=False)
+        till = time.monotonic() + REST_S
+        while time.monotonic() < till and not self._boss.stopping():
+            time.sleep(_TICK_S)
 
     def give_up(self, error: Exception) -> None:
         """End after a fault of this process: one of the machine counts as a loss, one of the program as the end."""
@@ -301,7 +305,7 @@ class _Attempt:
             self._ending.hand_on()  # if it is, because nobody could take it: the server was away for all
             self._ending.settle()
         elif verdict is Verdict.STOPPED:
-            self._ending.hand_on()
+            self._ending.hand_on(ahead=self._told is not None)  # else it stopped because of its files
         elif verdict is Verdict.UNBORN:
             self._never_began(f"no runner was ready, exit code {exit_code}")
         elif verdict is Verdict.DIED and exit_code < 0:

@@ -311,6 +311,25 @@ def test_an_attempt_whose_records_are_flushed_ends_and_leaves_every_file(
     assert layout.result(job_id) not in kept
 
 
+class Unreachable(FolderBlobStore):
+    """A blob store that cannot tell how anything ended."""
+
+    def read(self, key: str) -> bytes:
+        raise StoreUnavailableError
+
+
+def test_a_job_whose_files_cannot_be_reached_does_not_keep_the_others_waiting(
+    stores: Stores, settings: Settings, runners: Watched
+) -> None:
+    far = submit(stores.jobs, stores.blobs, stores.queue, job_spec()).id
+    stores.client.delete(keys.QUEUE_USUAL)  # it is delivered
+    near = submit(stores.jobs, stores.blobs, stores.queue, job_spec()).id
+    blobs = Unreachable(stores.blobs.root)
+    job = supervise(stores, settings, runners, far, each_tick=lambda: True, blobs=blobs)
+    assert (job.status, job.losses) == (JobStatus.ACCEPTED, 0)
+    assert stores.queue.pending() == [far, near]
+
+
 class Hooked(FolderBlobStore):
     """A blob store that does something before a result is written."""
 
