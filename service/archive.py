@@ -8,16 +8,18 @@ import io
 import json
 import stat
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
+from contextlib import closing
 from datetime import UTC, datetime
+from tempfile import TemporaryFile
 from typing import TYPE_CHECKING, Any, BinaryIO, Final
 
 from service.arrays import State
-from service.delivery import file_name
+from service.delivery import PIECE, file_name
 from service.schemas import MetricsOut, RowOut, figures
 from spherify import __version__
 from spherify.formats import write_mesh
-from spherify.jobs.model import Job, MeshRecord
+from spherify.jobs.model import Job, MeshRecord, Snapshot
 
 if TYPE_CHECKING:
     from spherify.jobs.ports import BlobStore
@@ -47,44 +49,67 @@ def write_archive(
         pass
 
 
-def archive_pieces(
+def archive_parts(
     blobs: BlobStore, job: Job, mesh: MeshRecord, *, metrics: MetricsOut, form: str
-) -> Iterator[bytes]:
-    """Yield the same archive an entry at a time: none is held longer than it takes to be sent."""
-    window = _Window()
-    for _ in _entries(window, blobs, job, mesh, metrics=metrics, form=form):
+) -> Generator[Iterator[bytes], None, None]:
+    """Yield the same archive an entry at a time, to be read before the next one is made.
+
+    An entry waits on the disk, without a name: clients that take their time hold no memory.
+    """
+    with TemporaryFile(dir=blobs.scratch()) as file:
+        window = _Window(file)
+        with closing(_entries(window, blobs, job, mesh, metrics=metrics, form=form)) as entries:
+            for _ in entries:
+                yield window.take()
         yield window.take()
-    yield window.take()
 
 
-class _Window(io.BytesIO):
-    """What was written since it was last taken, at its place in the whole.
+class _Window:
+    """A file that holds what was written since it was last taken, at its place in the whole.
 
     A zip file is written forwards, but for the head of an entry, which learns its size and sum when it ends.
     """
 
-    def __init__(self) -> None:
-        super().__init__()
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
         self._before = 0
 
+    def write(self, data: bytes, /) -> int:
+        return self._file.write(data)
+
+    def flush(self) -> None:
+        self._file.flush()
+
+    def close(self) -> None:
+        self._file.close()
+
     def tell(self) -> int:
-        return self._before + super().tell()
+        return self._before + self._file.tell()
 
     def seek(self, offset: int, whence: int = io.SEEK_SET, /) -> int:
-        return super().seek(offset - self._before if whence == io.SEEK_SET else offset, whence) + self._before
+        place = offset - self._before if whence == io.SEEK_SET else offset
+        return self._before + self._file.seek(place, whence)
 
-    def take(self) -> bytes:
-        data = self.getvalue()
-        self._before += len(data)
-        super().seek(0)
-        self.truncate()
-        return data
+    def take(self) -> Iterator[bytes]:
+        """Yield what is there, piece by piece, and forget it."""
+        self._before += self._file.seek(0, io.SEEK_END)
+        self._file.seek(0)
+        while piece := self._file.read(PIECE):
+            yield piece
+        self._file.seek(0)
+        self._file.truncate()
 
 
 def _entries(
-    file: BinaryIO, blobs: BlobStore, job: Job, mesh: MeshRecord, *, metrics: MetricsOut, form: str
-) -> Iterator[None]:
-    """Write an archive, and stop after each entry."""
+    file: BinaryIO | _Window,
+    blobs: BlobStore,
+    job: Job,
+    mesh: MeshRecord,
+    *,
+    metrics: MetricsOut,
+    form: str,
+) -> Generator[None, None, None]:
+    """Write an archive, and stop after each entry, holding nothing of it."""
     made = max(datetime.fromtimestamp(int(job.spec.created_at), UTC), _FIRST)
     with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED, allowZip64=True) as archive:
 
@@ -95,20 +120,21 @@ def _entries(
             archive.writestr(entry, data)
             return hashlib.sha256(data).hexdigest()
 
-        states: list[dict[str, Any]] = []
-        for snapshot in job.snapshots:
+        def add_state(snapshot: Snapshot) -> dict[str, Any]:
             _, state = State(job.spec.mesh_id, snapshot).load(blobs)
             data = write_mesh(state, form)
             name = file_name(job.spec.name, f"_it{snapshot.iteration:05d}.{form}")
-            states.append(
-                {
-                    "name": name,
-                    "iteration": snapshot.iteration,
-                    "bytes": len(data),
-                    "sha256": add(name, data, text=form in _TEXT),
-                    "metrics": figures(snapshot.metrics).model_dump(),
-                }
-            )
+            return {
+                "name": name,
+                "iteration": snapshot.iteration,
+                "bytes": len(data),
+                "sha256": add(name, data, text=form in _TEXT),
+                "metrics": figures(snapshot.metrics).model_dump(),
+            }
+
+        states: list[dict[str, Any]] = []
+        for snapshot in job.snapshots:
+            states.append(add_state(snapshot))
             yield
         table = metrics_csv(metrics)
         series = {"name": "metrics.csv", "bytes": len(table), "sha256": add("metrics.csv", table, text=True)}

@@ -21,7 +21,7 @@ from spherify.formats.names import safe_name
 
 IMMUTABLE: Final = "private, max-age=31536000, immutable"
 REVALIDATE: Final = "private, no-cache"
-_PIECE: Final = 256 * 1024
+PIECE: Final = 256 * 1024
 _MAX_STEM: Final = (80, 160)  # characters, bytes in UTF-8: file systems take 255 bytes, and the tail must fit
 _RANGE: Final = re.compile(r"bytes=(\d{0,18})-(\d{0,18})")
 
@@ -133,19 +133,29 @@ def deliver(request: Request, content: Content, vary: str | None = None) -> Resp
     return _FileAnswer(content.open(), start, end, status_code=status, headers=headers, media_type=media_type)
 
 
-def stream(
-    request: Request, pieces: Iterator[bytes], limiter: CapacityLimiter, media_type: str, filename: str
+async def stream(
+    request: Request,
+    parts: Iterator[Iterator[bytes]],
+    limiter: CapacityLimiter,
+    media_type: str,
+    filename: str,
 ) -> Response:
-    """Return what is made while it is sent, a piece at a time in a thread; what ends early ends the connection."""
-    headers = {"Cache-Control": REVALIDATE, "Content-Disposition": disposition(filename)}
-    if request.scope.get("head"):
-        return Response(headers=headers, media_type=media_type)
+    """Return what is made while it is sent, one part after the other; what ends early ends the connection.
+
+    The first part is made before anything is said, for what goes wrong with it to be told. Only making counts for the
+    limiter: it does not wait for slow clients.
+    """
 
     async def made() -> AsyncIterator[bytes]:
-        while (piece := await to_thread.run_sync(next, pieces, None, limiter=limiter)) is not None:
-            for start in range(0, len(piece), _PIECE):
-                yield piece[start : start + _PIECE]
+        part = first
+        while part is not None:
+            while (piece := await to_thread.run_sync(next, part, None)) is not None:
+                yield piece
+            part = await to_thread.run_sync(next, parts, None, limiter=limiter)
 
+    head = request.scope.get("head")
+    first = None if head else await to_thread.run_sync(next, parts, None, limiter=limiter)
+    headers = {"Cache-Control": REVALIDATE, "Content-Disposition": disposition(filename)}
     return StreamingResponse(made(), headers=headers, media_type=media_type)
 
 
@@ -203,6 +213,6 @@ class _FileAnswer(StreamingResponse):
 def _pieces(file: BinaryIO, start: int, end: int) -> Iterator[bytes]:
     file.seek(start)
     left = end - start
-    while left > 0 and (piece := file.read(min(_PIECE, left))):
+    while left > 0 and (piece := file.read(min(PIECE, left))):
         left -= len(piece)
         yield piece

@@ -249,19 +249,20 @@ async def download_archive(
 
     job, mesh, metrics = await to_thread.run_sync(read)
 
-    needed = sum(snapshot.size for snapshot in job.snapshots)
+    sizes = [snapshot.size for snapshot in job.snapshots]
     name = file_name(job.spec.name, ".zip")
-    if needed > archive.STREAMED_BYTES:
-        return stream(
+    if sum(sizes) > archive.STREAMED_BYTES:
+        check_space(stores.blobs.scratch(), max(sizes), context.settings.min_free_bytes)
+        return await stream(
             request,
-            archive.archive_pieces(stores.blobs, job, mesh, metrics=metrics, form=format),
+            archive.archive_parts(stores.blobs, job, mesh, metrics=metrics, form=format),
             context.conversions,
             archive.MEDIA_TYPE,
             name,
         )
 
     def build(file: BinaryIO) -> None:
-        check_space(context.cache.folder, needed, context.settings.min_free_bytes)
+        check_space(context.cache.folder, sum(sizes), context.settings.min_free_bytes)
         archive.write_archive(file, stores.blobs, job, mesh, metrics=metrics, form=format)
 
     parts = ("archive", job_id, job.rev, format, __version__)

@@ -4,6 +4,7 @@ import csv
 import hashlib
 import io
 import json
+import tracemalloc
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -12,9 +13,13 @@ import httpx
 import pytest
 
 from service import archive
+from service.delivery import PIECE
+from service.schemas import metrics_out
 from spherify.settings import Settings
 from spherify.stores.connect import Stores
 from tests.service.conftest import Hand, problem
+
+MIB = 2**20
 
 
 @pytest.fixture
@@ -76,7 +81,9 @@ def test_a_large_archive_is_the_same_sent_as_it_is_written(
     assert streamed.content == kept
     assert streamed.headers["transfer-encoding"] == "chunked"
     assert streamed.headers["content-disposition"] == 'attachment; filename="bunny.zip"'
-    assert client.head(path).status_code == 200
+    head = client.head(path)
+    assert (head.status_code, head.headers.get("content-length")) == (200, None), "nobody knows it yet"
+    assert head.headers["content-disposition"] == streamed.headers["content-disposition"]
     assert list((settings.data_dir / "cache").iterdir()) == [], "nothing is kept of it"
 
 
@@ -88,6 +95,32 @@ def test_a_large_archive_that_cannot_be_ended_is_not_taken_for_a_whole_one(
     stores.blobs.delete(snapshots[-1].key)
     with pytest.raises(httpx.RemoteProtocolError):
         client.get(path)
+
+
+def test_a_large_archive_that_cannot_be_begun_is_refused(
+    client: httpx.Client, path: str, stores: Stores, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(archive, "STREAMED_BYTES", 0)
+    stores.blobs.delete(stores.jobs.get(path.split("/")[3]).snapshots[0].key)
+    problem(client.get(path), 404, "not-found")
+
+
+def test_an_entry_that_waits_for_a_slow_client_takes_no_memory(
+    path: str, stores: Stores, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    job = stores.jobs.get(path.split("/")[3])
+    mesh = stores.meshes.get(job.spec.mesh_id)
+    metrics = metrics_out(job.id, stores.jobs.metrics(job.id))
+    monkeypatch.setattr(archive, "write_mesh", lambda _state, _form: bytes(8 * MIB))
+    parts = archive.archive_parts(stores.blobs, job, mesh, metrics=metrics, form="ply")
+    tracemalloc.start()
+    try:
+        entry = next(parts)
+        assert len(next(entry)) == PIECE
+        assert tracemalloc.get_traced_memory()[0] < MIB
+    finally:
+        tracemalloc.stop()
+    parts.close()
 
 
 def test_a_broken_download_goes_on(client: httpx.Client, path: str) -> None:
