@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import get_origin
+
 from fastapi import Depends, Request
 from fastapi.routing import APIRoute
 
@@ -9,13 +11,16 @@ from service.problems import invalid
 
 
 async def _known_query(request: Request) -> None:
-    """Refuse query parameters that the operation does not describe; async, to be spared a thread."""
+    """Refuse parameters that the operation does not describe, or that say two things; async, to be spared a thread."""
     route = request.scope["route"]
-    known = {field.alias for field in route.dependant.query_params} if isinstance(route, APIRoute) else set()
+    fields = route.dependant.query_params if isinstance(route, APIRoute) else []
+    lists = {field.alias: get_origin(field.field_info.annotation) is list for field in fields}
     for name in request.query_params:
-        if name not in known:
-            there = f"there are {', '.join(sorted(known))}" if known else "there are none"
+        if name not in lists:
+            there = f"there are {', '.join(sorted(lists))}" if lists else "there are none"
             raise invalid(f"query/{name[:80]}", "unknown", f"this operation has no such parameter; {there}")
+        if not lists[name] and len(request.query_params.getlist(name)) > 1:
+            raise invalid(f"query/{name}", "repeated", "this parameter can be given once")
 
 
 KNOWN_QUERY = Depends(_known_query)

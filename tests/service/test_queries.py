@@ -18,6 +18,16 @@ def test_an_unknown_query_makes_no_job(client: httpx.Client, stores: Stores) -> 
     assert {job.id for job in stores.jobs.find(limit=100).items} == before
 
 
+def test_a_parameter_says_one_thing(client: httpx.Client, stores: Stores) -> None:
+    before = {job.id for job in stores.jobs.find(limit=100).items}
+    answer = client.post("/v1/jobs?dry_run=true&dry_run=false", files={"file": ("bunny.obj", OCTAHEDRON)})
+    assert problem(answer, 422, "invalid-parameters")["errors"][0]["pointer"] == "query/dry_run"
+    assert {job.id for job in stores.jobs.find(limit=100).items} == before
+    problem(client.get("/v1/jobs?tag=a&tag=b"), 422, "invalid-parameters")
+    twice = {"params": {"name": "bunny.obj", "allow": ["boundary", "genus"]}, "content": OCTAHEDRON}
+    assert client.put("/v1/meshes", **twice).status_code == 201, "a list has as many as it likes"
+
+
 @pytest.mark.parametrize(
     ("address", "offered"),
     [("/v1/jobs?stauts=running", "status"), ("/v1/meshes?page=2", "cursor")],
