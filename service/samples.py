@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
 from typing import Final
 
 from anyio import to_thread
@@ -54,10 +55,9 @@ async def take_in(services: Services, name: str, vertices: int) -> tuple[MeshRec
         ProblemError, StorageFullError, StoreUnavailableError: as every upload.
 
     """
-    data = await to_thread.run_sync(
-        lambda: write_mesh(SAMPLES[name].build(vertices), FORMAT), limiter=services.conversions
+    return await _take_in(
+        services, lambda: _Written(write_mesh(SAMPLES[name].build(vertices), FORMAT), f"{name}.{FORMAT}")
     )
-    return await _take_in(services, data, f"{name}.{FORMAT}", ())
 
 
 async def take_in_state(services: Services, address: str) -> MeshRecord:
@@ -71,23 +71,36 @@ async def take_in_state(services: Services, address: str) -> MeshRecord:
     job_id, _, which = address.partition("/")
     stores = services.stores
 
-    def written() -> tuple[bytes, str, MeshRecord]:
+    def written() -> _Written:
         job = stores.jobs.get(job_id)
         snapshot, _ = find(job, which)
         data = write_mesh(State(job.spec.mesh_id, snapshot).load(stores.blobs)[1], FORMAT)
         name = file_name(job.spec.name, f"_it{snapshot.iteration:05d}.{FORMAT}")
-        return data, name, stores.meshes.get(job.spec.mesh_id)
+        return _Written(data, name, stores.meshes.get(job.spec.mesh_id).allow)
 
-    data, name, origin = await to_thread.run_sync(written, limiter=services.conversions)
-    return (await _take_in(services, data, name, origin.allow))[0]
+    return (await _take_in(services, written))[0]
 
 
-async def _take_in(
-    services: Services, data: bytes, name: str, allow: Collection[str]
-) -> tuple[MeshRecord, bool]:
+@dataclass(frozen=True, slots=True)
+class _Written:
+    """The file that a mesh was written to, its name, and the switches to read it with."""
+
+    data: bytes
+    name: str
+    allow: Collection[str] = ()
+
+
+async def _take_in(services: Services, write: Callable[[], _Written]) -> tuple[MeshRecord, bool]:
+    """Take in what is written in a thread; it waits on the disk, and not in memory, to be read."""
     file = Scratch(services.stores.blobs.scratch(), services.settings.min_free_bytes)
+
+    def fill() -> tuple[str, Collection[str]]:
+        written = write()
+        file.feed(written.data)
+        return written.name, written.allow
+
     try:
-        file.feed(data)
+        name, allow = await to_thread.run_sync(fill, limiter=services.conversions)
         upload = await file.finish(name)
         return await services.intake.accept(upload, allow)
     finally:

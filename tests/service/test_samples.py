@@ -1,9 +1,15 @@
 from __future__ import annotations
 
+import tracemalloc
+from collections.abc import Collection
+
 import httpx
 import pytest
 
+from service.intake import Intake
+from service.uploads import Upload
 from spherify.geometry.samples import SAMPLES
+from spherify.jobs.model import MeshRecord
 from tests.service.conftest import OPEN, problem
 
 
@@ -25,6 +31,26 @@ def test_a_sample_is_a_mesh_like_any_other(client: httpx.Client, name: str) -> N
     assert (again.status_code, again.json()["id"]) == (200, mesh["id"])
     job = client.post("/v1/jobs", json={"mesh_id": mesh["id"], "iterations": 1})
     assert (job.status_code, job.json()["name"]) == (201, name)
+
+
+def test_a_sample_that_waits_to_be_read_takes_no_memory(
+    client: httpx.Client, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    accept, held, sizes = Intake.accept, [], []
+
+    async def measured(self: Intake, upload: Upload, allow: Collection[str]) -> tuple[MeshRecord, bool]:
+        held.append(tracemalloc.get_traced_memory()[0])
+        sizes.append(upload.size)
+        return await accept(self, upload, allow)
+
+    monkeypatch.setattr(Intake, "accept", measured)
+    tracemalloc.start()
+    try:
+        for vertices in (400, 20_000):  # what is kept for good is there after the first one
+            assert client.post(f"/v1/samples/stone?vertices={vertices}").is_success
+    finally:
+        tracemalloc.stop()
+    assert held[1] - held[0] < sizes[1] / 4
 
 
 def test_no_such_sample(client: httpx.Client) -> None:
