@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import AsyncIterator, Callable, Iterator
+from collections.abc import AsyncIterator, Callable, Generator, Iterator
 from dataclasses import dataclass
 from http import HTTPStatus
 from typing import Any, BinaryIO, Final
@@ -130,12 +130,15 @@ def deliver(request: Request, content: Content, vary: str | None = None) -> Resp
     media_type = content.media_type
     if request.scope.get("head"):  # no body is sent: do not open what may be large
         return Response(status_code=status, headers=headers, media_type=media_type)
-    return _FileAnswer(content.open(), start, end, status_code=status, headers=headers, media_type=media_type)
+    file = content.open()
+    return _ClosingAnswer(
+        _pieces(file, start, end), file.close, status_code=status, headers=headers, media_type=media_type
+    )
 
 
 async def stream(
     request: Request,
-    parts: Iterator[Iterator[bytes]],
+    parts: Generator[Iterator[bytes], None, None],
     limiter: CapacityLimiter,
     media_type: str,
     filename: str,
@@ -156,7 +159,7 @@ async def stream(
     head = request.scope.get("head")
     first = None if head else await to_thread.run_sync(next, parts, None, limiter=limiter)
     headers = {"Cache-Control": REVALIDATE, "Content-Disposition": disposition(filename)}
-    return StreamingResponse(made(), headers=headers, media_type=media_type)
+    return _ClosingAnswer(made(), parts.close, headers=headers, media_type=media_type)
 
 
 def file_name(stem: str, tail: str) -> str:
@@ -195,19 +198,24 @@ def _range(request: Request, content: Content) -> tuple[int, int]:
     return start, end
 
 
-class _FileAnswer(StreamingResponse):
-    """Part of a file, which is closed whatever becomes of the client."""
+class _ClosingAnswer(StreamingResponse):
+    """A content whose source is closed whatever becomes of the client."""
 
-    def __init__(self, file: BinaryIO, start: int, end: int, **options: Any) -> None:  # noqa: ANN401 (starlette's)
-        super().__init__(_pieces(file, start, end), **options)
-        self._file = file
+    def __init__(
+        self,
+        content: Iterator[bytes] | AsyncIterator[bytes],
+        close: Callable[[], None],
+        **options: Any,  # noqa: ANN401 (starlette's)
+    ) -> None:
+        super().__init__(content, **options)
+        self._close = close
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Send it."""
         try:
             await super().__call__(scope, receive, send)
         finally:
-            self._file.close()
+            self._close()
 
 
 def _pieces(file: BinaryIO, start: int, end: int) -> Iterator[bytes]:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import csv
+import gc
 import hashlib
 import io
 import json
@@ -8,6 +9,8 @@ import tracemalloc
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
+from tempfile import TemporaryFile
+from typing import BinaryIO
 
 import httpx
 import pytest
@@ -18,6 +21,7 @@ from service.schemas import metrics_out
 from spherify.settings import Settings
 from spherify.stores.connect import Stores
 from tests.service.conftest import Hand, problem
+from tests.stack import wait_for
 
 MIB = 2**20
 
@@ -121,6 +125,29 @@ def test_an_entry_that_waits_for_a_slow_client_takes_no_memory(
     finally:
         tracemalloc.stop()
     parts.close()
+
+
+def test_a_client_that_leaves_a_large_archive_leaves_nothing_open(
+    client: httpx.Client, path: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: list[BinaryIO] = []
+
+    def temporary(dir: Path) -> BinaryIO:  # noqa: A002 (its name there)
+        made.append(TemporaryFile(dir=dir))  # noqa: SIM115 (the archive closes it)
+        return made[-1]
+
+    monkeypatch.setattr(archive, "STREAMED_BYTES", 0)
+    monkeypatch.setattr(archive, "write_mesh", lambda _state, _form: bytes(64 * MIB))  # no pipe holds that
+    monkeypatch.setattr(archive, "TemporaryFile", temporary)
+    gc.disable()  # which would close it too, one day
+    try:
+        with client.stream("GET", path) as answer:
+            next(answer.iter_raw())
+            (file,) = made
+            assert not file.closed
+        wait_for(lambda: file.closed)
+    finally:
+        gc.enable()
 
 
 def test_a_broken_download_goes_on(client: httpx.Client, path: str) -> None:
