@@ -47,6 +47,11 @@ class Form:
     ascii: bool = False
     color: FieldName | None = None
 
+    @property
+    def tail(self) -> str:
+        """The end of a file's name: files of other colours are other files."""
+        return f".{self.format}" if self.color is None else f"_{self.color}.{self.format}"
+
 
 @dataclass(frozen=True, slots=True)
 class Target:
@@ -74,7 +79,7 @@ def original(request: Request, services: Services, record: MeshRecord) -> Respon
 
 async def converted_mesh(request: Request, services: Services, record: MeshRecord, form: Form) -> Response:
     """Answer with an accepted mesh in a format."""
-    target = Target(State(record.id), file_name(safe_stem(record.name), f".{form.format}"), IMMUTABLE)
+    target = Target(State(record.id), file_name(safe_stem(record.name), form.tail), IMMUTABLE)
     return await _converted(request, services, target, form)
 
 
@@ -83,7 +88,7 @@ async def converted_snapshot(
 ) -> Response:
     """Answer with what `service.snapshots.find` found, in a format."""
     snapshot, cache_control = found
-    name = file_name(job.spec.name, f"_it{snapshot.iteration:05d}.{form.format}")
+    name = file_name(job.spec.name, f"_it{snapshot.iteration:05d}{form.tail}")
     return await _converted(
         request, services, Target(State(job.spec.mesh_id, snapshot), name, cache_control), form
     )

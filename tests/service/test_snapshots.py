@@ -296,6 +296,7 @@ def test_a_state_comes_with_the_colours_of_a_field(client: httpx.Client, running
     assert b"property uchar red" in coloured.content
     assert b"property uchar red" not in plain.content
     assert coloured.headers["etag"] != plain.headers["etag"]
+    assert 'filename="bunny_it00100_quality.ply"' in coloured.headers["content-disposition"]
     by_type = client.get(url(running, "100"), params={"color": "quality"}, headers={"Accept": MEDIA["ply"]})
     assert by_type.content == coloured.content
     mesh = f"/v1/meshes/{running.job().spec.mesh_id}/content.obj"
