@@ -6,13 +6,16 @@ How long that one lasted tell the files it left: it lived at least until the new
 from __future__ import annotations
 
 import json
+import logging
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from spherify.jobs import layout
 from spherify.jobs.codec import dumps
-from spherify.jobs.errors import BlobExistsError
+from spherify.jobs.errors import BlobExistsError, BlobNotFoundError, DamagedBlobError
 from spherify.jobs.ports import BlobStore, Claim
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,10 +49,18 @@ def read_account(blobs: BlobStore, job_id: str) -> Account:
     prefixes = (layout.snapshots(job_id), layout.checkpoints(job_id))
     left = [(layout.numbers(stat.key)[0], stat.created_at) for p in prefixes for stat in blobs.list(p)]
     newest = max([*kept, *(token for token, _ in left)], default=0)
-    if not kept:
-        return Account(newest)
-    last = max(kept)
-    began = kept[last].created_at
-    lived = max([at - began for token, at in left if token == last], default=0.0)
-    data = json.loads(blobs.read(kept[last].key))
-    return Account(newest, data["attempt"], data["losses"], data["spent_s"] + max(lived, 0.0))
+    for token, stat in sorted(kept.items(), reverse=True):
+        if (account := _read(blobs, stat.key)) is not None:
+            lived = max((at - stat.created_at for other, at in left if other == token), default=0.0)
+            return replace(account, token=newest, spent_s=account.spent_s + max(lived, 0.0))
+    return Account(newest)
+
+
+def _read(blobs: BlobStore, key: str) -> Account | None:
+    """Return what is written; None if it is damaged, for a job is worth more than the count of its attempts."""
+    try:
+        data = json.loads(blobs.read(key))
+        return Account(0, int(data["attempt"]), int(data["losses"]), float(data["spent_s"]))
+    except (BlobNotFoundError, DamagedBlobError, ValueError, LookupError, TypeError) as e:
+        log.warning("%s is passed over: %s", key, e, extra={"action": "account"})
+        return None

@@ -157,6 +157,21 @@ def test_what_attempts_have_cost_is_not_forgotten(stock: Stock, lose: Callable[[
     assert stock.jobs.claim(young.id, "w").spent_s == 0
 
 
+@pytest.mark.parametrize("damaged", [b"", b"{", b"[1]", b'{"attempt": 3}'])
+def test_a_job_whose_account_is_damaged_comes_back_with_the_one_before(
+    stock: Stock, lose: Callable[[], object], damaged: bytes
+) -> None:
+    spec = submitted(stock)
+    claim = stock.jobs.claim(spec.id, "w")
+    write_account(stock.blobs, spec.id, replace(claim, losses=1, spent_s=100.0))
+    stock.blobs.create(layout.account(spec.id, claim.token + 1), damaged)
+    lose()
+    rebuild(stock)
+    job = stock.jobs.get(spec.id)
+    assert (job.status, job.attempt, job.losses) == (JobStatus.ACCEPTED, 1, 1)
+    assert stock.jobs.claim(spec.id, "w").spent_s == pytest.approx(100.0, abs=0.01)
+
+
 def test_a_key_comes_back_with_its_job_for_the_rest_of_its_day(
     stock: Stock, lose: Callable[[], object], client: redis.Redis
 ) -> None:
