@@ -46,6 +46,7 @@ class _Process:
     """What one process has, made when it is first needed: never before a fork."""
 
     settings: Settings
+    main: int  # process id of the main one, which forks the others
     stores: Stores | None = None
     supervisor: Supervisor | None = None
     reconciler: ReconcilerThread | None = None
@@ -55,6 +56,7 @@ class _Process:
 def connect(settings: Settings) -> None:
     """Hear Celery's signals."""
     _Process.settings = settings
+    _Process.main = os.getpid()
     signals.setup_logging.connect(_set_up_logging)
     signals.worker_ready.connect(_begin)
     signals.worker_shutting_down.connect(_shut_down)
@@ -92,7 +94,7 @@ def keep(delivery_tag: str) -> None:
 def _end_worker() -> None:
     """End this worker as SIGTERM does, to be started again: it cannot do what it is for."""
     log.error("this worker ends, to be started again: it cannot start runners", extra={"action": "runners"})
-    os.kill(os.getppid(), signal.SIGTERM)
+    os.kill(_Process.main, signal.SIGTERM)  # not the parent, which is somebody else if nothing was forked
 
 
 def _stores() -> Stores:
