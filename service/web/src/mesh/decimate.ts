@@ -67,11 +67,38 @@ function cluster({ positions, index }: Surface, grid: number): Decimation {
     const b = number[index[t + 1] ?? 0] ?? 0;
     const c = number[index[t + 2] ?? 0] ?? 0;
     if (a === b || b === c || c === a) continue;
+    const turned = against(positions, index, t, kept[a] ?? 0, kept[b] ?? 0, kept[c] ?? 0);
     coarse[length++] = a;
-    coarse[length++] = b;
-    coarse[length++] = c;
+    coarse[length++] = turned ? c : b;
+    coarse[length++] = turned ? b : c;
   }
   return { index: coarse.slice(0, length), kept: Uint32Array.from(kept) };
+}
+
+/**
+ * Whether the triangle (a, b, c) looks against the one at `t` of the whole surface, which it stands for: where cells
+ * cut the surface aslant some are turned over, and would be dark specks in the picture.
+ */
+function against(
+  positions: Float32Array,
+  index: Uint32Array,
+  t: number,
+  a: number,
+  b: number,
+  c: number,
+): boolean {
+  const [x, y, z] = areaVector(positions, index[t] ?? 0, index[t + 1] ?? 0, index[t + 2] ?? 0);
+  const [u, v, w] = areaVector(positions, a, b, c);
+  return x * u + y * v + z * w < 0;
+}
+
+/** Return (b − a) × (c − a), of corners by number. */
+function areaVector(positions: Float32Array, a: number, b: number, c: number): [number, number, number] {
+  const at = (vertex: number, axis: number): number =>
+    (positions[3 * vertex + axis] ?? 0) - (positions[3 * a + axis] ?? 0);
+  const [px, py, pz] = [at(b, 0), at(b, 1), at(b, 2)];
+  const [qx, qy, qz] = [at(c, 0), at(c, 1), at(c, 2)];
+  return [py * qz - pz * qy, pz * qx - px * qz, px * qy - py * qx];
 }
 
 /** Pick the kept vertices out of `width` numbers a vertex. */

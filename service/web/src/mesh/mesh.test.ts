@@ -1,3 +1,4 @@
+import { strToU8, zipSync } from 'three/addons/libs/fflate.module.js';
 import { describe, expect, it } from 'vitest';
 import { decimate, pick } from './decimate';
 import { faultsOf } from './faults';
@@ -42,6 +43,33 @@ function torus(
   return { positions: Float32Array.from(positions), index: Uint32Array.from(index) };
 }
 
+/** Count the triangles of the torus that look into its tube, by more than an edge-on one would. */
+function inward(positions: Float32Array, index: Uint32Array): number {
+  let count = 0;
+  for (let t = 0; t < index.length; t += 3) {
+    const [a, b, c] = [0, 1, 2].map((corner) => {
+      const v = index[t + corner] ?? 0;
+      return positions.subarray(3 * v, 3 * v + 3);
+    }) as [Float32Array, Float32Array, Float32Array];
+    const at = (p: Float32Array, axis: number): number => p[axis] ?? 0;
+    const [u, v] = [b, c].map((p) => [0, 1, 2].map((axis) => at(p, axis) - at(a, axis))) as [
+      number[],
+      number[],
+    ];
+    const normal = [0, 1, 2].map((i) => {
+      const [j, k] = [(i + 1) % 3, (i + 2) % 3];
+      return (u[j] ?? 0) * (v[k] ?? 0) - (u[k] ?? 0) * (v[j] ?? 0);
+    });
+    const ring = 3 / Math.hypot(at(a, 0), at(a, 1)); // the tube's middle beside this corner
+    const out = [at(a, 0) * (1 - ring), at(a, 1) * (1 - ring), at(a, 2)];
+    const cosine =
+      normal.reduce((sum, n, axis) => sum + n * (out[axis] ?? 0), 0) /
+      (Math.hypot(...normal) * Math.hypot(...out));
+    if (cosine < -0.2) count += 1;
+  }
+  return count;
+}
+
 describe('reading', () => {
   it('takes polygons, slashes and negative indices of OBJ', () => {
     const cube = obj(CUBE);
@@ -55,9 +83,25 @@ describe('reading', () => {
     expect(off(text).index.length).toBe(12);
   });
 
+  it('takes a body of 3MF where it is placed, and leaves several to the service', async () => {
+    const body = `<object id="1"><mesh><vertices><vertex x="0" y="0" z="0"/><vertex x="1" y="0" z="0"/>
+      <vertex y='1' x='0' z='0'/><vertex x="0" y="0" z="1"/></vertices><triangles><triangle v1="0" v2="2" v3="1"/>
+      <triangle v1="0" v2="1" v3="3"/><triangle v1="1" v2="2" v3="3"/><triangle v1="2" v2="0" v3="3"/></triangles></mesh>
+      </object>`;
+    const item = '<item objectid="1" transform="0 2 0 -2 0 0 0 0 2 10 20 30"/>';
+    const packed = (model: string): ArrayBuffer =>
+      zipSync({ '3D/3dmodel.model': strToU8(model) }).slice().buffer;
+    const read = await parse(packed(`<model>${body}<build>${item}</build></model>`), 'a.3MF');
+    expect([...read.positions]).toEqual([10, 20, 30, 10, 22, 30, 8, 20, 30, 10, 20, 32]);
+    expect([...read.index]).toEqual([0, 2, 1, 0, 1, 3, 1, 2, 3, 2, 0, 3]);
+    await expect(
+      parse(packed(`<model>${body}<build>${item}${item}</build></model>`), 'b.3mf'),
+    ).rejects.toThrow(NoPreviewError);
+  });
+
   it('refuses what it cannot draw', async () => {
     expect(() => obj('v 0 0 0\nf 1 2 3\n')).toThrow(NoPreviewError);
-    await expect(parse(new ArrayBuffer(4), 'mesh.3mf')).rejects.toThrow(NoPreviewError);
+    await expect(parse(new ArrayBuffer(4), 'mesh.step')).rejects.toThrow(NoPreviewError);
     const points =
       'ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nend_header\n0 0 0\n1 0 0\n0 1 0\n';
     const data = new TextEncoder().encode(points).buffer;
@@ -125,6 +169,14 @@ describe('drawing', () => {
     const positions = pick(whole.positions, kept, 3);
     expect(Math.max(...index)).toBeLessThan(positions.length / 3);
     expect(boundsOf(positions).radius).toBeCloseTo(boundsOf(whole.positions).radius, 0);
+  });
+
+  it('turns no triangle of it inside out', () => {
+    const whole = torus(200, 80);
+    const { index, kept } = decimate(whole, 8000);
+    const positions = pick(whole.positions, kept, 3);
+    expect(inward(whole.positions, whole.index)).toBe(0);
+    expect(inward(positions, index)).toBe(0);
   });
 
   it('leaves a small mesh as it is', () => {

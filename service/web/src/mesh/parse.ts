@@ -31,6 +31,12 @@ export async function parse(data: ArrayBuffer, name: string): Promise<Surface> {
       const { scene } = await new GLTFLoader().parseAsync(data, '');
       return firstMesh(scene);
     }
+    case '3mf': {
+      const { threemf } = await import('./threemf');
+      const body = threemf(data);
+      if (body === null) throw new NoPreviewError('several bodies');
+      return checked(body.positions, body.index);
+    }
     default:
       throw new NoPreviewError(`no preview of ${format}`);
   }
