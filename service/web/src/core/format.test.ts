@@ -1,5 +1,5 @@
 import { describe, expect, it } from 'vitest';
-import { ago, bytes, count, duration, figure, rate, share } from './format';
+import { ago, bytes, capital, count, duration, figure, rate, share } from './format';
 
 describe('numbers', () => {
   it('groups thousands from five digits on', () => {
@@ -39,6 +39,11 @@ describe('times', () => {
     expect(duration(200)).toBe('3 min 20 s');
     expect(duration(7500)).toBe('2 h 5 min');
     expect(duration(null)).toBe('–');
+  });
+
+  it('begins sentences with capitals', () => {
+    expect(capital('there is no job')).toBe('There is no job');
+    expect(capital('')).toBe('');
   });
 
   it('tells how long ago', () => {

@@ -77,3 +77,8 @@ function superscript(exponent: number): string {
     digit === '-' ? '⁻' : ('⁰¹²³⁴⁵⁶⁷⁸⁹'[Number(digit)] ?? ''),
   );
 }
+
+/** Begin with a capital: the service's sentences begin small where they may stand within another. */
+export function capital(text: string): string {
+  return text.charAt(0).toUpperCase() + text.slice(1);
+}

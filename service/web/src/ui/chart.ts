@@ -3,6 +3,7 @@ import uPlot from 'uplot';
 import 'uplot/dist/uPlot.min.css';
 import type { Row } from '../api/types';
 import { count, figure } from '../core/format';
+import { MEANING } from '../core/meaning';
 import { ticks, type Scale } from '../core/scale';
 import { cssColour, onTheme } from './theme';
 
@@ -14,7 +15,7 @@ interface Series {
 
 const number = (value: number | null | undefined): number | null => value ?? null;
 const SERIES: readonly Series[] = [
-  { title: 'Sphericity', meaning: 'Ψ = ∛(36πV²) / A: 1 for a sphere', of: (row) => number(row.sphericity) },
+  { title: 'Sphericity', meaning: MEANING.sphericity, of: (row) => number(row.sphericity) },
   {
     title: 'Variation',
     meaning: 'of the radius: standard deviation over mean, 0 for a sphere',
@@ -40,6 +41,7 @@ export class Chart {
   private rows: readonly Row[] = [];
   private scale: Scale | null = null;
   private at = 0;
+  private moved = false; // the scale, since the axes were drawn
 
   constructor(private readonly seek: (iteration: number) => void) {
     this.element.className = 'chart';
@@ -60,14 +62,15 @@ export class Chart {
     if (same && rows === this.rows) return;
     this.rows = rows;
     this.scale = scale;
+    this.moved ||= !same;
     if (this.plot === null) this.build();
     else this.plot.setData(this.columns());
   }
 
-  /** Mark where one stands. */
+  /** Mark where one stands, and write other iterations below once the scale is another: its places stay 0 to 1. */
   stand(iteration: number): void {
     this.at = iteration;
-    this.plot?.redraw(false, false);
+    this.plot?.redraw(false, this.moved); // drawn a little later, and the last call decides on the axes
   }
 
   dispose(): void {
@@ -144,6 +147,7 @@ export class Chart {
         hooks: {
           draw: [
             (plot) => {
+              this.moved = false;
               this.mark(plot);
             },
           ],

@@ -61,7 +61,7 @@ export function lookBar(stage: Looks): TemplateResult {
         stage.setUp(stage.viewer.camera.up === 'y' ? 'z' : 'y');
       }}
     >
-      ${icon('flip')}
+      ${icon('upright')}
     </button>`;
 }
 

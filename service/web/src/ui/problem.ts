@@ -1,5 +1,6 @@
 import { html, nothing, type TemplateResult } from 'lit-html';
 import type { Problem } from '../api/problem';
+import { capital } from '../core/format';
 import { icon } from './icons';
 
 /** What went wrong, in the service's own words, and a way on. */
@@ -7,7 +8,7 @@ export function problemCard(problem: Problem, again: (() => void) | null): Templ
   const known = !problem.unreachable && problem.slug !== 'unknown' && problem.slug !== 'page';
   return html`<section class="card refusal" role="alert">
     <h2>${icon('warn')} ${problem.title}</h2>
-    <p>${problem.detail}</p>
+    <p>${capital(problem.detail)}</p>
     ${
       problem.defects.length > 1
         ? html`<ul>

@@ -2,6 +2,7 @@ import { html, nothing, type TemplateResult } from 'lit-html';
 import type { Problem } from '../api/problem';
 import type { Report } from '../api/types';
 import { count, figure, share } from '../core/format';
+import { MEANING } from '../core/meaning';
 import { icon } from './icons';
 
 /** What was found out about a mesh, as a card. */
@@ -17,13 +18,14 @@ export function reportCard(name: string, report: Report): TemplateResult {
     [report.components === 1, report.components === 1 ? 'one part' : `${count(report.components)} parts`],
     [report.genus === 0, report.genus === null ? 'genus undefined' : `genus ${report.genus}`],
   ];
-  const figures: readonly (readonly [string, string])[] = [
+  // an open surface encloses nothing: what the formulas give depends on where the origin is
+  const figures: readonly (readonly [string, string, string?])[] = [
     ['Vertices', count(report.vertices)],
     ['Triangles', count(report.faces)],
-    ['Sphericity Ψ', share(report.sphericity)],
+    ['Sphericity Ψ', closed ? share(report.sphericity) : '–', MEANING.sphericity],
     ['Mean edge', figure(report.mean_edge, 3)],
-    ['Worst triangle', figure(report.least_quality, 2)],
-    ['Volume', figure(report.volume)],
+    ['Worst triangle', figure(report.least_quality, 2), MEANING.quality],
+    ['Volume', closed ? figure(report.volume) : '–'],
     ['Size, in units of the file', size],
   ];
   return html`<section class="card report" aria-label="Report">
@@ -36,8 +38,8 @@ export function reportCard(name: string, report: Report): TemplateResult {
     </ul>
     <dl class="figures">
       ${figures.map(
-        ([term, value]) =>
-          html`<div class=${value === size ? 'wide' : ''}>
+        ([term, value, meaning]) =>
+          html`<div class=${value === size ? 'wide' : ''} title=${meaning ?? nothing}>
             <dt>${term}</dt>
             <dd>${value}</dd>
           </div>`,
@@ -61,8 +63,12 @@ const CURES: Readonly<Record<string, { readonly allow: string; readonly words: s
   'nonmanifold-vertex': { allow: 'nonmanifold-vertex', words: 'Morph it all the same' },
 };
 
-/** Why a mesh was refused, where, and what can be done; `retry` sends it again with switches. */
-export function refusal(problem: Problem, retry: (allow: readonly string[]) => void): TemplateResult {
+/** Why a mesh was refused, where, and what can be done; `drawn` if the mesh is in sight, `retry` sends it again with switches. */
+export function refusal(
+  problem: Problem,
+  drawn: boolean,
+  retry: (allow: readonly string[]) => void,
+): TemplateResult {
   const switches = [...new Set(problem.defects.map(switchOf))];
   const able = switches.length > 0 && switches.every((one) => one !== null);
   const names = switches.filter((one) => one !== null);
@@ -74,7 +80,7 @@ export function refusal(problem: Problem, retry: (allow: readonly string[]) => v
         : html`<p>${problem.detail}</p>`
     }
     ${
-      problem.defects.some((defect) => (defect.locations ?? []).length > 0)
+      drawn && problem.defects.some((defect) => (defect.locations ?? []).length > 0)
         ? html`<p class="hint"><span class="swatch red"></span>What is wrong is drawn in red on the mesh.</p>`
         : nothing
     }

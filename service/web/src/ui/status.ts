@@ -1,8 +1,9 @@
 import { html, nothing, type TemplateResult } from 'lit-html';
 import type { Connection } from '../api/follow';
 import type { Job, Row } from '../api/types';
-import { count, duration, figure, rate, share } from '../core/format';
+import { capital, count, duration, figure, rate, share } from '../core/format';
 import { STATUS_WORDS, figuresAt, reason } from '../core/job';
+import { MEANING } from '../core/meaning';
 
 /** A job's state in a word. */
 export function pill(job: Job): TemplateResult {
@@ -31,19 +32,19 @@ export function statusCard(
       row
         ? html`<p class="at">At iteration ${count(row.iteration)}</p>
             <dl class="figures">
-              ${pair('Sphericity Ψ', share(row.sphericity), true)}
-              ${pair('Radius variation', figure(row.radius_variation, 3), true)}
+              ${pair('Sphericity Ψ', share(row.sphericity), true, MEANING.sphericity)}
+              ${pair('Radius variation', figure(row.radius_variation, 3), true, MEANING.variation)}
               ${pair('Volume', figure(row.volume))} ${pair('Area', figure(row.area))}
-              ${pair('Worst triangle', figure(row.least_quality, 2))}
-              ${pair('Inward faces', typeof row.inward_faces === 'number' ? count(row.inward_faces) : '–')}
+              ${pair('Worst triangle', figure(row.least_quality, 2), false, MEANING.quality)}
+              ${pair('Inward faces', typeof row.inward_faces === 'number' ? count(row.inward_faces) : '–', false, MEANING.inward)}
             </dl>`
         : nothing
     }
   </section>`;
 }
 
-function pair(term: string, value: string, large = false): TemplateResult {
-  return html`<div class=${large ? 'large' : ''}>
+function pair(term: string, value: string, large = false, meaning = ''): TemplateResult {
+  return html`<div class=${large ? 'large' : ''} title=${meaning || nothing}>
     <dt>${term}</dt>
     <dd>${value}</dd>
   </div>`;
@@ -73,9 +74,5 @@ function ended(job: Job): TemplateResult {
       iterations in ${duration(progress.elapsed_s)}
     </p>
     ${job.error ? html`<p class="fault">${job.error.detail}</p>` : nothing}
-    ${job.stop_detail && !job.error && job.stop_reason !== 'iterations' ? html`<p class="hint">${job.stop_detail}</p>` : nothing}`;
-}
-
-function capital(text: string): string {
-  return text.charAt(0).toUpperCase() + text.slice(1);
+    ${job.stop_detail && !job.error && job.stop_reason !== 'iterations' ? html`<p class="hint">${capital(job.stop_detail)}</p>` : nothing}`;
 }

@@ -109,7 +109,11 @@ export class Timeline {
     const { before, after, blend } = this.place;
     if (this.busy) return 'loading …';
     if (blend > 0) return `between ${count(before)} and ${count(after)}, interpolated`;
-    return this.states.length > 0 ? `of ${count(this.scale.last)} iterations` : '';
+    if (this.states.length === 0) return '';
+    // what lies ahead of a run that goes on is room to draw in, not a number of iterations
+    return this.reached < this.scale.last
+      ? `of ${count(this.reached)} iterations so far`
+      : `of ${count(this.scale.last)} iterations`;
   }
 
   private settings(): TemplateResult {

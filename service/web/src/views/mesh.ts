@@ -60,7 +60,7 @@ export class MeshView implements View {
               this.setUp(this.up === 'y' ? 'z' : 'y');
             }}
           >
-            ${icon('flip')}
+            ${icon('upright')}
           </button>
         </div>
       </div>
@@ -86,7 +86,7 @@ export class MeshView implements View {
   private panel(): TemplateResult {
     if (this.problem) {
       if (this.problem.report || this.problem.defects.length > 0)
-        return html`${refusal(this.problem, (allow) => {
+        return html`${refusal(this.problem, this.drawn !== null, (allow) => {
           if (this.source instanceof File) void this.send(this.source, allow);
         })}
         ${this.problem.report ? reportCard(this.name, this.problem.report) : nothing}`;
@@ -120,7 +120,10 @@ export class MeshView implements View {
     const { drawn, noPreview } = this;
     if (this.viewer.state === 'unsupported')
       return html`<p class="note">This browser draws no WebGL: everything works but the picture.</p>`;
-    if (noPreview && !drawn) return html`<p class="note">No preview of this file; the service reads it.</p>`;
+    if (noPreview && !drawn)
+      return html`<p class="note">
+        ${this.problem ? 'No preview of this file.' : 'No preview of this file; the service reads it.'}
+      </p>`;
     if (drawn && drawn.index.length / 3 < drawn.triangles)
       return html`<p class="note">
         Drawn with ${count(drawn.index.length / 3)} of ${count(drawn.triangles)} triangles; the run uses all
