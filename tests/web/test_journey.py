@@ -13,11 +13,21 @@ from tests.e2e.api import Api
 from tests.stack import Stack, wait_for
 from tests.web.browser import PICTURES, Complaints, address, iteration, settled, status
 
+WRITTEN = """
+window.written = [];
+const fill = CanvasRenderingContext2D.prototype.fillText;
+CanvasRenderingContext2D.prototype.fillText = function (text, ...rest) {
+    window.written.push(text);
+    fill.call(this, text, ...rest);
+};
+"""
+
 
 def test_from_a_file_to_a_shared_link(
     *, page: Page, context: BrowserContext, complaints: Complaints, stack: Stack, api: Api, animal: bytes
 ) -> None:
     context.grant_permissions(["clipboard-read", "clipboard-write"], origin=stack.url)
+    context.add_init_script(WRITTEN)
     page.goto(stack.url)
     expect(page.get_by_role("heading", level=1)).to_have_text("See a mesh become a sphere")
 
@@ -79,7 +89,8 @@ def test_from_a_file_to_a_shared_link(
     page.keyboard.press(" ")
     expect(page.get_by_role("button", name="Play")).to_be_visible()
 
-    # the chart leads there too
+    # the chart leads there too; what is written below it is drawn, so it is heard as it is drawn
+    assert str(states[-1]) in page.evaluate("window.written.slice(-40)")
     page.keyboard.press("Home")
     plot = page.locator(".u-over").bounding_box()
     assert plot is not None
@@ -162,9 +173,49 @@ def test_a_run_is_found_cancelled_and_deleted(page: Page, stack: Stack, api: Api
     page.get_by_label("Only with this tag").fill("mine")
     page.get_by_label("Only with this tag").blur()
     expect(page.locator(".run")).to_have_count(1)
-    page.get_by_role("button", name="Cancel").click()
+    page.get_by_role("button", name="Cancel", exact=True).click()
     expect(status(page)).to_have_text("Cancelled")
     page.on("dialog", lambda dialog: dialog.accept())
-    page.get_by_role("button", name="Delete").click()
+    page.get_by_role("button", name="Delete", exact=True).click()
     expect(page.get_by_role("heading", level=1)).to_be_visible()
     assert api.http.get(f"/v1/jobs/{job_id}").status_code == 410
+
+
+def test_a_state_begins_a_new_run(page: Page, stack: Stack, api: Api, run: str) -> None:
+    page.goto(f"{stack.url}/?job={run}&it=5&up=z")
+    settled(page)
+    page.get_by_role("button", name="From here").click()
+    expect(page).to_have_url(re.compile(r"\?mesh=mesh_\w+&up=z"))
+    expect(page.get_by_role("heading", name="animal_it00005.ply")).to_be_visible()
+    mesh = api.http.get(f"/v1/meshes/{page.url.partition('mesh=')[2][:31]}").json()
+    metrics = api.http.get(f"/v1/jobs/{run}/metrics").json()
+    (row,) = (row for row in metrics["rows"] if row["iteration"] == 5)
+    assert abs(mesh["report"]["sphericity"] - row["sphericity"]) < 1e-9
+
+
+def test_a_run_is_cancelled_fetched_and_deleted_from_the_list(
+    *, page: Page, stack: Stack, api: Api, animal: bytes, stone: bytes
+) -> None:
+    def sent(mesh: bytes, **fields: str) -> str:
+        answer = api.http.post("/v1/jobs", files={"file": ("a.obj", mesh)}, data=fields | {"tags": "listed"})
+        return str(answer.json()["id"])
+
+    endless = sent(stone, name="endless", preset="paper", iterations="900000")
+    page.on("dialog", lambda dialog: dialog.accept())
+    page.goto(stack.url)
+    page.get_by_label("Only with this tag").fill("listed")
+    page.get_by_label("Only with this tag").blur()
+    expect(page.locator(".run")).to_have_count(1)
+    page.get_by_role("button", name="Cancel: endless").click()
+    expect(page.locator(".run", has_text="Cancelled")).to_be_visible()
+    page.get_by_role("button", name="Delete: endless").click()
+    expect(page.locator(".run")).to_have_count(0)
+    assert api.http.get(f"/v1/jobs/{endless}").status_code == 410
+
+    brief = api.finished(sent(animal, name="brief", iterations="3"))["id"]
+    with page.expect_download() as download:
+        page.get_by_role("link", name="Download as PLY: brief").click()
+    assert (
+        Path(download.value.path()).read_bytes()
+        == api.http.get(f"/v1/jobs/{brief}/snapshots/final.ply").content
+    )

@@ -88,7 +88,7 @@ def test_a_run_is_followed_although_its_events_cannot_be_had_at_first(
     expect(page.get_by_text("asking every second")).to_be_visible()
     expect(page.get_by_text("asking every second")).to_have_count(0)
     assert len(refused) == 3
-    page.get_by_role("button", name="Cancel").click()
+    page.get_by_role("button", name="Cancel", exact=True).click()
     expect(status(page)).to_have_text("Cancelled")
 
 
@@ -142,7 +142,7 @@ def test_a_service_that_was_restarted_in_mid_run_is_found_again(
             return int(text.split(" of")[0].replace("\u2009", ""))
 
         wait_for(lambda: shown() > reached, limit_s=60, what="the run goes on before our eyes")
-        page.get_by_role("button", name="Cancel").click()
+        page.get_by_role("button", name="Cancel", exact=True).click()
         expect(status(page)).to_have_text("Cancelled")
         api.http.close()
 

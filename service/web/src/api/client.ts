@@ -78,6 +78,12 @@ export class Api {
     return this.send('POST', '/v1/jobs?dry_run=true', request);
   }
 
+  /** Have a kept state of a run made a mesh of its own; the same state again is the same mesh. */
+  async meshOf(job: string, iteration: number): Promise<DryRun['mesh']> {
+    const request = { from_snapshot: `${job}/${iteration}` };
+    return (await this.send<DryRun>('POST', '/v1/jobs?dry_run=true', request)).mesh;
+  }
+
   submit(request: JobRequest): Promise<Job> {
     return this.send('POST', '/v1/jobs', request);
   }

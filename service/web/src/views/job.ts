@@ -1,7 +1,7 @@
 import { html, nothing, type TemplateResult } from 'lit-html';
-import { asProblem } from '../api/problem';
 import type { Job } from '../api/types';
 import { FIELDS } from '../core/colormap';
+import { ago } from '../core/format';
 import { formatRoute, type Look, type Route, type Shown } from '../core/route';
 import { curl, python, requestOf } from '../core/snippets';
 import { Chart } from '../ui/chart';
@@ -12,6 +12,7 @@ import { legend, lookBar } from '../ui/look';
 import { problemCard } from '../ui/problem';
 import { statusCard } from '../ui/status';
 import type { Context, View } from './context';
+import { attempt, cancellable, remove } from './deeds';
 import { stageNotes } from './notes';
 import { Stage } from './stage';
 
@@ -164,22 +165,30 @@ export class JobView implements View {
   }
 
   private actions(job: Job): TemplateResult {
-    const links = job.links;
+    const { api } = this.context;
     const able = !this.busy;
     return html`<div class="actions bar">
-      ${'cancel' in links && job.status !== 'cancelling' ? this.button('stop', 'Cancel', () => void this.act(() => this.context.api.cancel(job.id)), able) : nothing}
-      ${'extend' in links ? this.button('more', 'Go on', () => void this.go(() => this.context.api.extend(job.id, job.progress.iterations_total)), able) : nothing}
-      ${'retry' in links ? this.button('reset', 'Run again', () => void this.go(() => this.context.api.retry(job.id)), able) : nothing}
-      ${this.button('branch', 'New run', () => {
-        const { up } = this.stage.viewer.camera;
-        this.context.go({ view: 'mesh', mesh: job.mesh_id, up, name: null });
-      })}
+      ${cancellable(job) ? this.button('stop', 'Cancel', () => void this.act(() => api.cancel(job.id)), able) : nothing}
+      ${'extend' in job.links ? this.button('play', 'Go on', () => void this.go(() => api.extend(job.id, job.progress.iterations_total)), able, 'As many iterations again, from where it ended') : nothing}
+      ${'retry' in job.links ? this.button('reset', 'Run again', () => void this.go(() => api.retry(job.id)), able, 'The same run once more') : nothing}
+      ${this.button(
+        'more',
+        'New run',
+        () => {
+          this.prepare(job.mesh_id);
+        },
+        true,
+        'Another run of the same mesh',
+      )}
+      ${this.stage.states.length > 0 ? this.button('branch', 'From here', () => void this.branch(job), able, `A new run that begins with iteration ${this.stage.state}`) : nothing}
       ${job.done ? this.button('trash', 'Delete', () => void this.remove(job), able) : nothing}
     </div>`;
   }
 
-  private button(name: IconName, words: string, act: () => void, able = true): TemplateResult {
-    return html`<button class="plain" ?disabled=${!able} @click=${act}>${icon(name)} ${words}</button>`;
+  private button(name: IconName, words: string, act: () => void, able = true, more = ''): TemplateResult {
+    return html`<button class="plain" title=${more || nothing} ?disabled=${!able} @click=${act}>
+      ${icon(name)} ${words}
+    </button>`;
   }
 
   private tabButton(tab: 'look' | 'figures', words: string): TemplateResult {
@@ -204,9 +213,15 @@ export class JobView implements View {
     return html`<section class="card" aria-label="Compare">
       <h2>Compare</h2>
       <div class="actions">
-        ${this.button('compare', 'With its beginning', () => {
-          open({ job: stage.job, iteration: 0 });
-        })}
+        ${
+          stage.state > 0
+            ? this.button('compare', 'With its beginning', () => {
+                open({ job: stage.job, iteration: 0 });
+              })
+            : this.button('compare', 'With its end', () => {
+                open({ job: stage.job, iteration: null });
+              })
+        }
         ${
           others.length > 0
             ? html`<select
@@ -216,7 +231,7 @@ export class JobView implements View {
                 }}
               >
                 <option value="">With another run …</option>
-                ${others.slice(0, 30).map((other) => html`<option value=${other.id}>${other.name} · ${other.preset}</option>`)}
+                ${others.slice(0, 30).map((other) => html`<option value=${other.id}>${other.name} · ${other.preset} · ${ago(other.created_at)}</option>`)}
               </select>`
             : nothing
         }
@@ -246,17 +261,24 @@ export class JobView implements View {
   private async act(ask: () => Promise<unknown>): Promise<boolean> {
     this.busy = true;
     this.context.refresh();
-    try {
-      await ask();
-      void this.context.jobs.load();
-      return true;
-    } catch (thrown) {
-      this.context.toast(asProblem(thrown).detail, 'bad');
-      return false;
-    } finally {
-      this.busy = false;
-      this.context.refresh();
-    }
+    const well = await attempt(this.context, ask);
+    this.busy = false;
+    this.context.refresh();
+    return well;
+  }
+
+  /** Go to the form of a new run. */
+  private prepare(mesh: string): void {
+    const { up } = this.stage.viewer.camera;
+    this.context.go({ view: 'mesh', mesh, up, name: null });
+  }
+
+  /** Let a new run begin with the state that is shown, which becomes a mesh of its own. */
+  private async branch(job: Job): Promise<void> {
+    await this.act(async () => {
+      const { id } = await this.context.api.meshOf(job.id, this.stage.state);
+      this.prepare(id);
+    });
   }
 
   /** Have a new job made, and go to it. */
@@ -269,8 +291,7 @@ export class JobView implements View {
   }
 
   private async remove(job: Job): Promise<void> {
-    if (!confirm(`Delete the run “${job.name}” with all its states?`)) return;
-    if (await this.act(() => this.context.api.delete(job.id))) this.context.go({ view: 'home' });
+    if (await remove(this.context, job)) this.context.go({ view: 'home' });
   }
 }
 

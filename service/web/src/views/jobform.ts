@@ -81,18 +81,21 @@ export class JobForm {
         </summary>
         ${draw(rest)}
       </details>
-      ${this.problem ? problemCard(this.problem, null) : nothing} ${this.cost()}
-      <div class="actions">
-        <button class="primary" type="submit" ?disabled=${this.sending || !sound(all, this.values)}>
-          ${icon('play')} ${this.sending ? 'Starting …' : 'Run'}
-        </button>
-        <button class="plain" type="button" @click=${() => void this.copied('curl')}>
-          ${icon('copy')} curl
-        </button>
-        <button class="plain" type="button" @click=${() => void this.copied('Python')}>
-          ${icon('copy')} Python
-        </button>
-      </div>
+      ${this.problem ? problemCard(this.problem, null) : nothing}
+      <footer>
+        ${this.cost()}
+        <div class="actions">
+          <button class="primary" type="submit" ?disabled=${this.sending || !sound(all, this.values)}>
+            ${icon('play')} ${this.sending ? 'Starting …' : 'Run'}
+          </button>
+          <button class="plain" type="button" @click=${() => void this.copied('curl')}>
+            ${icon('copy')} curl
+          </button>
+          <button class="plain" type="button" @click=${() => void this.copied('Python')}>
+            ${icon('copy')} Python
+          </button>
+        </div>
+      </footer>
     </form>`;
   }
 

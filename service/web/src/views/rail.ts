@@ -3,7 +3,9 @@ import type { Job, JobStatus } from '../api/types';
 import { ago, share } from '../core/format';
 import { STATUS_WORDS } from '../core/job';
 import { PLAIN, type Route } from '../core/route';
+import { icon, type IconName } from '../ui/icons';
 import type { Context } from './context';
+import { attempt, cancellable, remove } from './deeds';
 import { upOf } from './up';
 
 const FILTERS: readonly (readonly [JobStatus | '', string])[] = [
@@ -50,7 +52,12 @@ export function rail(context: Context, route: Route): TemplateResult {
     <ul class="runs">
       ${
         jobs.loaded || jobs.jobs.length > 0
-          ? jobs.jobs.map((job) => html`<li>${entry(context, job, open.includes(job.id))}</li>`)
+          ? jobs.jobs.map(
+              (job) =>
+                html`<li>
+                  ${entry(context, job, open.includes(job.id))}${deeds(context, job, open.includes(job.id))}
+                </li>`,
+            )
           : [1, 2, 3].map(() => html`<li class="ghost entry"></li>`)
       }
     </ul>
@@ -92,4 +99,40 @@ function entry(context: Context, job: Job, open: boolean): TemplateResult {
       ${running ? html`<progress max="100" .value=${job.progress.percent} aria-label="Progress of ${job.name}"></progress>` : nothing}
     </span>
   </button>`;
+}
+
+/** What can be done with a run without opening it. */
+function deeds(context: Context, job: Job, open: boolean): TemplateResult {
+  const { api } = context;
+  const button = (name: IconName, words: string, act: () => Promise<unknown>): TemplateResult =>
+    html`<button
+      class="tool mini"
+      title=${words}
+      aria-label="${words}: ${job.name}"
+      @click=${() => void act()}
+    >
+      ${icon(name)}
+    </button>`;
+  return html`<span class="deeds">
+    ${cancellable(job) ? button('stop', 'Cancel', () => attempt(context, () => api.cancel(job.id))) : nothing}
+    ${
+      job.result_iteration === null
+        ? nothing
+        : html`<a
+            class="tool mini"
+            href="/v1/jobs/${job.id}/snapshots/final.ply"
+            download
+            title="Result as PLY"
+            aria-label="Download as PLY: ${job.name}"
+            >${icon('download')}</a
+          >`
+    }
+    ${
+      job.done
+        ? button('trash', 'Delete', async () => {
+            if ((await remove(context, job)) && open) context.go({ view: 'home' });
+          })
+        : nothing
+    }
+  </span>`;
 }
