@@ -71,6 +71,7 @@ export class Follow {
     let wait = POLL_MS;
     try {
       const job = await this.api.job(this.id);
+      if (this.live()) return; // the stream came back meanwhile, and tells what was missed
       this.connected('polling');
       this.take({ kind: job.done ? 'done' : 'status', job });
     } catch (thrown) {
@@ -80,11 +81,16 @@ export class Follow {
         this.connected('ended');
         return;
       }
+      if (this.live()) return;
       this.connected('lost');
       wait = problem.waitMs(LOST_POLL_MS);
     }
     if (this.source?.readyState === EventSource.CLOSED && !this.finished()) this.open();
     if (!this.finished()) this.timer = setTimeout(() => void this.poll(), wait);
+  }
+
+  private live(): boolean {
+    return this.source?.readyState === EventSource.OPEN;
   }
 
   private finished(): boolean {
