@@ -64,8 +64,8 @@ class Unfolding:
     """Finish on the sphere: see `spherify.geometry.unfolding`. Ours; of closed meshes only.
 
     It begins once the surface is that round, if by then a face looks inward or has nearly vanished; or, less round,
-    where nothing gets rounder any more. It lasts to the end of the run: T goes along the radii, and rounds of unfolding
-    follow each iteration while a face looks inward, and of drawing apart while one has nearly vanished.
+    where nothing gets rounder any more. The radii are evened out, and rounds of unfolding follow each iteration while a
+    face looks inward, and of drawing apart while one has nearly vanished. After that T goes on along the radii.
 
     Attributes:
         sphericity: from which on.

@@ -255,7 +255,8 @@ class _Run:
                 f"iteration {progress.broke_at} {progress.broke_how}; "
                 f"the result is the best state, that of iteration {progress.iteration}"
             )
-        if shape.radius_variation < config.stop_radius_variation and self._true(progress):
+        equal_radii = shape.radius_variation < config.stop_radius_variation
+        if equal_radii and self.method.settled(progress) and self._true(progress):
             return StopReason.CONVERGED, (
                 f"the radius variation {shape.radius_variation:.2e} is below {config.stop_radius_variation:g}, "
                 "and no face looks inward or has vanished"

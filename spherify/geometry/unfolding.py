@@ -2,7 +2,7 @@
 
 Seen from the centre c every vertex has a direction u = (p - c) / |p - c| and a radius |p - c|. If the triangles of the
 directions all face outward, no radii whatever can make a face look inward. So the two are treated apart: the
-transformation moves radii (`rounded`), and each direction is drawn to the weighted mean of its neighbours' directions,
+transformation moves radii (`evened_out`), and each direction is drawn to the weighted mean of those of its neighbours,
 
     u ← normalised(u + φ (m - (m·u) u)),  m = Σ w_q q / Σ w_q,  log w_q = e · smoothed log(area of the triangles at q)
 
@@ -11,7 +11,8 @@ until no face looks inward. As convex combinations these unfold (Tutte, "How to 
 and radius r to a tip of exp(-2 l/r) of the area; weights that grow with the area as above to exp(-2 l / (r √(1 + 4e))).
 They depend on what they bring about, so they are smoothed along the surface and only approached, or they would swing to
 and fro. What limbs then have left may be less than 1e-9 of the mean area: `spread` draws these triangles apart without
-turning any.
+turning any. Equal radii do not make the greatest sphericity of uneven triangles, for the large ones cut off more of the
+ball: so the run does not end here (`spherify.geometry.methods.curvature`).
 """
 
 from __future__ import annotations
@@ -112,9 +113,9 @@ def spread(V: Floats, topology: Topology, centre: Floats, rounds: int) -> Unfold
 
     Each corner of a triangle of less than CROWDED times the mean area makes SPREAD of a step of Newton's method in its
     tangent plane towards the greatest product of the areas around it, a barrier that no triangle passes; but none moves
-    further than NO_FLIP times the least altitude
-    around it. With h the distance of u from the great circle through the other corners of a triangle, and m the
-    normal of that circle: g = Σ m/h, H = Σ m mᵀ/h², both in the tangent plane, u ← normalised(u + H⁻¹g/2).
+    further than NO_FLIP times the least altitude around it. With h the distance of u from the great circle through the
+    other corners of a triangle, and m the normal of that circle: g = Σ m/h, H = Σ m mᵀ/h², both in the tangent plane,
+    u ← normalised(u + H⁻¹g/2).
 
     Args:
         V: (n, 3) positions; radii stay.
@@ -164,7 +165,7 @@ def _tangents(U: Floats) -> tuple[Floats, Floats]:
     return first, np.cross(U, first)
 
 
-def rounded(V: Floats, topology: Topology, centre: Floats, k_in: int, k_out: int) -> Floats | None:
+def evened_out(V: Floats, topology: Topology, centre: Floats, k_in: int, k_out: int) -> Floats | None:
     """Apply T_(k_in, k_out, C) along the radii: directions stay, so that no face can be turned.
 
     The normal curvature of the edge from p to q, with the direction of p for the normal, is that of the sphere about c

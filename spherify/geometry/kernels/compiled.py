@@ -37,7 +37,7 @@ from spherify.geometry.kernels.passes.types import (
     Mode,
     Task,
 )
-from spherify.geometry.kernels.passes.unfolding import move_radially, spread, unfold
+from spherify.geometry.kernels.passes.unfolding import even_out, move_radially, spread, unfold
 from spherify.geometry.kernels.reference import ReferenceKernel
 from spherify.geometry.kernels.team import Team
 from spherify.geometry.mesh import Floats
@@ -53,6 +53,7 @@ ENTRIES: Final[Sequence[Callable[..., Any]]] = (
     work,
     shape.measure,
     move_radially,
+    even_out,
     unfold,
     spread,
 )
@@ -96,13 +97,25 @@ class CompiledKernel:
             return self._reference.transform(V, stage, step, relaxation)
         return self._unloaded()
 
-    def transform_radially(self, V: Floats, stage: Stage, centre: Floats) -> Floats | None:
+    def transform_radially(self, V: Floats, stage: Stage, step: float, centre: Floats) -> Floats | None:
         """See `spherify.geometry.kernels.interface.Kernel.transform_radially`."""
         self._load(V)
-        use, mesh = self._use, self._mesh
-        around = self._around()
-        if not move_radially(
-            use.position, mesh.first, around, centre, use.curvature, stage.k_in, stage.k_out
+        for outward in [False] * stage.k_in + [True] * stage.k_out:
+            found = self._curvature(Task(0, *self._parts[0], 1, 0, step, 0.0))
+            if found.end == CONSTANT:
+                return None
+            if found.end == NOT_FINITE:
+                return self._reference.transform_radially(V, stage, step, centre)
+            use = self._use
+            move_radially(use.position, use.curvature, found.K_min, found.K_max, step, outward, centre)
+        return self._unloaded()
+
+    def even_out(self, V: Floats, stage: Stage, centre: Floats) -> Floats | None:
+        """See `spherify.geometry.kernels.interface.Kernel.even_out`."""
+        self._load(V)
+        use, around = self._use, self._around()
+        if not even_out(
+            use.position, self._mesh.first, around, centre, use.curvature, stage.k_in, stage.k_out
         ):
             return None
         return self._unloaded()
@@ -282,6 +295,7 @@ class CompiledEngine:
         kernel = self.prepare(Topology.of(4, faces), FlowConfig(iterations=1))
         kernel.transform(corners, Stage(1, 1, 0), 0.1, 0.0)
         centre = kernel.shape(corners).centroid
-        kernel.transform_radially(corners, Stage(1, 1, 0), centre)
+        kernel.transform_radially(corners, Stage(1, 1, 0), 0.1, centre)
+        kernel.even_out(corners, Stage(1, 1, 0), centre)
         kernel.unfold(corners, centre, np.zeros(4), exponent=1.0, damping=1.0, rounds=1)
         kernel.spread(corners, centre, 1)

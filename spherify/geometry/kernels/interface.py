@@ -30,8 +30,15 @@ class Kernel(Protocol):
         """
         ...
 
-    def transform_radially(self, V: Floats, stage: Stage, centre: Floats) -> Floats | None:
-        """Do what `spherify.geometry.unfolding.rounded` does."""
+    def transform_radially(self, V: Floats, stage: Stage, step: float, centre: Floats) -> Floats | None:
+        """Apply T once with the direction from ``centre`` (3,) for the normal; neither bound nor relaxation.
+
+        Arguments and result otherwise as of `transform`. No face that looks outward from the centre can be turned.
+        """
+        ...
+
+    def even_out(self, V: Floats, stage: Stage, centre: Floats) -> Floats | None:
+        """Do what `spherify.geometry.unfolding.evened_out` does."""
         ...
 
     def unfold(

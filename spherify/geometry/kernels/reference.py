@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+
 import numpy as np
 
 from spherify.geometry import measures, transformation
@@ -10,7 +13,7 @@ from spherify.geometry.curvature import curvature_from
 from spherify.geometry.mesh import Floats
 from spherify.geometry.roundness import Shape, shape_of
 from spherify.geometry.topology import Topology
-from spherify.geometry.unfolding import Unfolded, rounded, spread, unfolded
+from spherify.geometry.unfolding import Unfolded, evened_out, spread, unfolded
 
 
 class ReferenceKernel:
@@ -23,17 +26,15 @@ class ReferenceKernel:
 
     def transform(self, V: Floats, stage: Stage, step: float, relaxation: float) -> Floats | None:
         """See `spherify.geometry.kernels.interface.Kernel.transform`."""
-        moved = np.asfortranarray(V)
-        for along in [transformation.inward] * stage.k_in + [transformation.outward] * stage.k_out:
-            next_positions = self._elementary_step(moved, along, step, relaxation)
-            if next_positions is None:
-                return None
-            moved = next_positions
-        return moved
+        return self._applied(V, stage, partial(self._elementary_step, step=step, relaxation=relaxation))
 
-    def transform_radially(self, V: Floats, stage: Stage, centre: Floats) -> Floats | None:
+    def transform_radially(self, V: Floats, stage: Stage, step: float, centre: Floats) -> Floats | None:
         """See `spherify.geometry.kernels.interface.Kernel.transform_radially`."""
-        return rounded(V, self._topology, centre, stage.k_in, stage.k_out)
+        return self._applied(V, stage, partial(self._radial_step, step=step, centre=centre))
+
+    def even_out(self, V: Floats, stage: Stage, centre: Floats) -> Floats | None:
+        """See `spherify.geometry.kernels.interface.Kernel.even_out`."""
+        return evened_out(V, self._topology, centre, stage.k_in, stage.k_out)
 
     def unfold(
         self, V: Floats, centre: Floats, log_weights: Floats, *, exponent: float, damping: float, rounds: int
@@ -50,6 +51,28 @@ class ReferenceKernel:
     def shape(self, V: Floats) -> Shape:
         """See `spherify.geometry.kernels.interface.Kernel.shape`."""
         return shape_of(V, self._topology)
+
+    def _applied(
+        self, V: Floats, stage: Stage, elementary: Callable[[Floats, transformation.Direction], Floats | None]
+    ) -> Floats | None:
+        moved = np.asfortranarray(V)
+        for along in [transformation.inward] * stage.k_in + [transformation.outward] * stage.k_out:
+            next_positions = elementary(moved, along)
+            if next_positions is None:
+                return None
+            moved = next_positions
+        return moved
+
+    def _radial_step(
+        self, V: Floats, along: transformation.Direction, step: float, centre: Floats
+    ) -> Floats | None:
+        vectors = measures.area_vectors(V, self._topology.faces)
+        areas, face_normals = measures.norm(vectors), measures.normalised(vectors)
+        K = curvature_from(V, self._topology, self._config.measure, face_normals, areas)
+        t = transformation.normalised_curvature(K, self._config.window)
+        if t is None:
+            return None
+        return V + (step * along(t))[:, None] * measures.normalised(V - centre)
 
     def _elementary_step(
         self, V: Floats, along: transformation.Direction, step: float, relaxation: float

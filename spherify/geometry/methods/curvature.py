@@ -1,5 +1,9 @@
 """The curvature transformation as a method: T once an iteration, with what is ours between iterations.
 
+A run has up to three parts, each a `Phase`: T along the normals; where limbs sank in as folds, unfolding on the sphere,
+with equal radii for its end; and T along the radii, which is what the radii of uneven triangles should be, for the
+greatest sphericity, and can turn no face.
+
 Vartziotis, "Curvature transformation", arXiv:1608.03898, section 2. Momentum, annealing and unfolding are ours; the
 momentum is that of Nesterov, with the restarts of O'Donoghue and Candès, "Adaptive restart for accelerated gradient
 schemes", 2015.
@@ -7,6 +11,7 @@ schemes", 2015.
 
 from __future__ import annotations
 
+from enum import IntEnum
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -25,7 +30,9 @@ from spherify.geometry.unfolding import Unfolded, folds
 STANDSTILL: Final = "the curvature is the same at every vertex, so the transformation does not move any"
 PLATEAU_RISE: Final = 1e-4  # a smaller rise of the best sphericity counts as none
 
-LOOKED_EVERY: Final = 10  # iterations between two looks for folds
+LOOKED_EVERY: Final = (
+    10  # iterations between two looks for folds; and without a rise, for equal radii to be the end
+)
 THIN: Final = 1e-5  # a triangle of less than this share of the mean area is as good as a fold
 ROUND_ENOUGH: Final = (
     0.2  # radius variation below which the finish begins where nothing gets rounder any more
@@ -34,8 +41,19 @@ FALL: Final = 0.9  # to this share of the radius variation: something got better
 PATIENCES: Final = 4  # of the annealing, that the finish waits for something to get better
 VANISHING: Final = 3e-6  # triangles of less than this share of the mean area are drawn apart
 WEIGHT_DAMPING: Final = 1.2  # over the exponent: share of the way the weights go; more, and they swing
-ASKED: Final = -1.0
-GREATEST_MOMENTUM: Final = 0.98  # of the radii
+SETTLED: Final = 5e-3  # radius variation below which T may take over from the evening out of radii
+WAITED: Final = 50  # iterations, after which it does in any case
+CAREFUL: Final = 0.25  # of the step, that T along the radii begins with: folds leave small triangles
+GREATEST_MOMENTUM: Final = 0.98  # of the evening out of radii
+
+
+class Phase(IntEnum):
+    """What an iteration does."""
+
+    NORMALS = 0  # T along the normals
+    FOLDED = 1  # the same for the last time: nothing got rounder, and there are folds
+    UNFOLDING = 2  # on the sphere
+    RADII = 3  # T along the radii
 
 
 class Control(NamedTuple):
@@ -46,7 +64,7 @@ class Control(NamedTuple):
         annealing: what step and relaxation are multiplied by.
         plateau: the sphericity that has to be exceeded for the waiting to begin anew.
         waited: iterations since it was.
-        on_sphere: 1 once the run is finished on the sphere, ASKED if that is to begin, else 0; what follows is of that.
+        phase: a `Phase`; what follows is of UNFOLDING.
         inward: faces that look inward.
         least_area: of a triangle of directions, over their mean.
         fewest: the least number of faces that looked inward so far.
@@ -59,7 +77,7 @@ class Control(NamedTuple):
     annealing: float
     plateau: float
     waited: float
-    on_sphere: float = 0.0
+    phase: float = Phase.NORMALS
     inward: float = 0.0
     least_area: float = 0.0
     fewest: float = np.inf
@@ -119,12 +137,19 @@ class CurvatureTransformation:
         }[self._config.step_unit]
         return self._config.step * Control.of(progress).annealing * unit
 
+    def settled(self, progress: Progress) -> bool:
+        """See `Method.settled`: not while unfolding, nor when T along the radii still raises the sphericity."""
+        control = Control.of(progress)
+        return control.phase == Phase.NORMALS or (
+            control.phase == Phase.RADII and control.waited >= LOOKED_EVERY
+        )
+
     def stalled(self, progress: Progress) -> str | None:
         """See `Method.stalled`: annealed down to the least step, or unfolding to no end."""
         annealing, control = self._config.annealing, Control.of(progress)
         if annealing is None:
             return None
-        if control.on_sphere and control.waited >= PATIENCES * annealing.patience:
+        if control.phase == Phase.UNFOLDING and control.waited >= PATIENCES * annealing.patience:
             return (
                 f"neither the radius variation, now {progress.shape.radius_variation:.2e}, nor the number of faces "
                 f"that look inward, at best {control.fewest:.0f}, fell in {control.waited:.0f} iterations on the sphere"
@@ -139,23 +164,28 @@ class CurvatureTransformation:
     def advance(self, progress: Progress) -> Step:
         """See `Method.advance`."""
         control, here, previous = self._control(progress), progress.position, progress.memory["previous"]
-        stage, self._folds = stage_at(self._config.schedule, progress.iteration), None
-        if control.on_sphere:
-            return self._advanced_on_sphere(progress, control, stage)
-        ahead = here + control.momentum * (here - previous) if control.momentum > 0 else here
-        relaxation = self._config.relaxation * control.annealing
-        moved = self._kernel.transform(ahead, stage, self.step(progress), relaxation)
+        stage, step = stage_at(self._config.schedule, progress.iteration), self.step(progress)
+        self._folds = None
+        if control.phase == Phase.UNFOLDING:
+            return self._unfolded(progress, control, stage)
+        if control.phase == Phase.RADII:
+            ahead = _ahead_along_radii(progress, control.momentum)
+            moved = self._kernel.transform_radially(ahead, stage, step, progress.memory["centre"])
+        else:
+            ahead = here + control.momentum * (here - previous) if control.momentum > 0 else here
+            moved = self._kernel.transform(ahead, stage, step, self._config.relaxation * control.annealing)
         return Standstill(STANDSTILL) if moved is None else moved
 
     def remember(self, progress: Progress, shape: Shape, factor: float) -> Memory:
         """See `Method.remember`: momentum, annealing and the finish on the sphere brought up to date."""
         control, memory = self._control(progress), progress.memory
         weights, centre = memory["log_weights"], shape.centroid
+        if control.phase in (Phase.UNFOLDING, Phase.RADII):  # a centre that drifts makes folds
+            centre = shape.centroid + factor * (memory["centre"] - shape.centroid)
         if self._folds is None:
             after = self._annealed(control, progress, shape)
         else:
-            after = _finished(control, progress, shape, self._folds)
-            centre = shape.centroid + factor * (memory["centre"] - shape.centroid)
+            after = _evened(control, progress, shape, self._folds)
             if control.inward:
                 weights = self._folds.log_weights
         return {
@@ -177,39 +207,46 @@ class CurvatureTransformation:
         elif config.annealing is not None and waited >= config.annealing.patience:
             annealing, waited = annealing * config.annealing.factor, 0
             over = config.step * annealing < config.annealing.min_step
-            stuck = self._unfolding is not None and reached < self._unfolding.sphericity
-            if self._unfolding is not None and (over or (stuck and shape.radius_variation < ROUND_ENOUGH)):
-                return Control(0.0, 1.0, 0.0, 0, ASKED)
-        return Control(momentum, annealing, plateau, waited)
+            if (
+                self._stuck(shape, over=over)
+                and control.phase == Phase.NORMALS
+                and _folded(self._begun(progress))
+            ):
+                return Control(0.0, 1.0, 0.0, 0, Phase.FOLDED)
+        return Control(momentum, annealing, plateau, waited, control.phase)
+
+    def _stuck(self, shape: Shape, *, over: bool) -> bool:
+        """Whether a run that gets no rounder, ``over`` or not, is as round as T along the normals makes it."""
+        unfolding = self._unfolding
+        if unfolding is None:
+            return False
+        return over or (shape.sphericity < unfolding.sphericity and shape.radius_variation < ROUND_ENOUGH)
 
     def _control(self, progress: Progress) -> Control:
-        """Return what the next iteration depends on; with the finish begun if it begins with that one."""
+        """Return what the next iteration depends on; with the unfolding begun if it begins with that one."""
         control, unfolding = Control.of(progress), self._unfolding
-        if control.on_sphere == ASKED:
-            return self._begun(progress.position, progress.shape)
+        if control.phase == Phase.FOLDED:
+            return self._begun(progress)
         if (
             unfolding is None
-            or control.on_sphere
+            or control.phase != Phase.NORMALS
             or progress.shape.sphericity < unfolding.sphericity
             or progress.iteration % LOOKED_EVERY
         ):
             return control
-        begun = self._begun(progress.position, progress.shape)
-        return begun if begun.inward or begun.least_area < THIN else control
+        begun = self._begun(progress)
+        return begun if _folded(begun) else control
 
-    def _begun(self, V: Floats, shape: Shape) -> Control:
-        """Return the control with which the finish begins."""
-        inward, least_area = folds(measures.normalised(V - shape.centroid), self._topology.faces)
-        return Control(0.0, 1.0, 0.0, 0, 1.0, inward, least_area)
+    def _begun(self, progress: Progress) -> Control:
+        """Return the control with which the unfolding begins."""
+        V, centre = progress.position, progress.shape.centroid
+        inward, least_area = folds(measures.normalised(V - centre), self._topology.faces)
+        return Control(0.0, 1.0, 0.0, 0, Phase.UNFOLDING, inward, least_area)
 
-    def _advanced_on_sphere(self, progress: Progress, control: Control, stage: Stage) -> Step:
-        """T along the radii, with the momentum of the radii; then rounds of unfolding, or of spreading, if need be."""
-        here, centre = progress.position, progress.memory["centre"]
-        if control.momentum > 0:
-            spokes = here - centre
-            radii, before = measures.norm(spokes), measures.norm(progress.memory["previous"] - centre)
-            here = centre + spokes * (1 + control.momentum * (1 - before / radii))[:, None]
-        moved = self._kernel.transform_radially(here, stage, centre)
+    def _unfolded(self, progress: Progress, control: Control, stage: Stage) -> Step:
+        """Even the radii out, with a momentum of theirs; then rounds of unfolding, or of spreading, if need be."""
+        here, centre = _ahead_along_radii(progress, control.momentum), progress.memory["centre"]
+        moved = self._kernel.even_out(here, stage, centre)
         if moved is None:  # the radii are equal
             moved = here.copy()
         log_weights = progress.memory["log_weights"]
@@ -225,13 +262,29 @@ class CurvatureTransformation:
         return self._folds.positions
 
 
+def _ahead_along_radii(progress: Progress, momentum: float) -> Floats:
+    """Return (n, 3) where the momentum of the radii leads, r + b Δr for a radius r; directions stay."""
+    here, centre = progress.position, progress.memory["centre"]
+    if momentum <= 0:
+        return here
+    spokes = here - centre
+    radii, before = measures.norm(spokes), measures.norm(progress.memory["previous"] - centre)
+    ahead: Floats = centre + spokes * (1 + momentum * (1 - before / radii))[:, None]
+    return ahead
+
+
+def _folded(begun: Control) -> bool:
+    """Whether there is something to unfold: a face looks inward, or has nearly vanished."""
+    return begun.inward > 0 or begun.least_area < THIN
+
+
 def _spreads(control: Control) -> bool:
     """Whether triangles are to be drawn apart: some have all but vanished."""
-    return bool(control.on_sphere) and not control.inward and control.least_area < VANISHING
+    return control.phase == Phase.UNFOLDING and not control.inward and control.least_area < VANISHING
 
 
-def _finished(control: Control, progress: Progress, shape: Shape, folds: Unfolded) -> Control:
-    """Return the control after an iteration on the sphere."""
+def _evened(control: Control, progress: Progress, shape: Shape, folds: Unfolded) -> Control:
+    """Return the control after an iteration of unfolding; of the next phase if it is done."""
     momentum, waited = min(_grown(control.momentum), GREATEST_MOMENTUM), control.waited + 1
     variation, fewest, largest = control.variation, control.fewest, control.largest
     moving = control.inward > 0 or _spreads(control)  # directions, and what of the radii is seen with them
@@ -246,8 +299,20 @@ def _finished(control: Control, progress: Progress, shape: Shape, folds: Unfolde
         fewest, variation, waited = folds.inward, shape.radius_variation, 0
     if folds.inward == 0 and folds.least_area > largest / FALL:
         largest, variation, waited = folds.least_area, shape.radius_variation, 0
+    unfolded = not folds.inward and folds.least_area >= VANISHING
+    if unfolded and (shape.radius_variation < SETTLED or waited > WAITED):
+        return Control(0.0, CAREFUL, shape.sphericity, 0, Phase.RADII)
     return Control(
-        momentum, 1.0, plateau, waited, 1.0, folds.inward, folds.least_area, fewest, variation, largest
+        momentum,
+        1.0,
+        plateau,
+        waited,
+        control.phase,
+        folds.inward,
+        folds.least_area,
+        fewest,
+        variation,
+        largest,
     )
 
 

@@ -75,6 +75,11 @@ class ImplicitFlow:
         """Return √δ, the length over which one iteration smooths."""
         return float(np.sqrt(self._time_step))
 
+    def settled(self, progress: Progress) -> bool:
+        """See `Method.settled`: always."""
+        del progress
+        return True
+
     def stalled(self, progress: Progress) -> str | None:
         """See `Method.stalled`: ``patience`` iterations without a rise."""
         _, waited = progress.memory["waiting"]

@@ -71,6 +71,10 @@ class Method(Protocol):
         """Return how far the next iteration goes: the figure ``step`` of `Metrics`, a length."""
         ...
 
+    def settled(self, progress: Progress) -> bool:
+        """Whether equal radii would make this state the last: it has not just begun to get rounder otherwise."""
+        ...
+
     def stalled(self, progress: Progress) -> str | None:
         """Return why going on is of no use, a sentence; None if it is."""
         ...

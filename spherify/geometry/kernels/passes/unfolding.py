@@ -23,9 +23,24 @@ from spherify.geometry.unfolding import (
 
 @entry
 def move_radially(
+    position: Floats, K: Floats, K_min: float, K_max: float, step: float, outward: bool, centre: Floats
+) -> None:
+    """I_C or O_C with the direction from the centre for the normal, and without a bound."""
+    for p in range(K.size):
+        t = min(max((K[p] - K_min) / (K_max - K_min), 0.0), 1.0)
+        distance = step * (1.0 - t) if outward else -(step * t)
+        x, y, z = position[0, p] - centre[0], position[1, p] - centre[1], position[2, p] - centre[2]
+        share = distance / math.sqrt(x * x + y * y + z * z)
+        position[0, p] += share * x
+        position[1, p] += share * y
+        position[2, p] += share * z
+
+
+@entry
+def even_out(
     position: Floats, starts: Indices, neighbours: Indices, centre: Floats, K: Floats, k_in: int, k_out: int
 ) -> bool:
-    """Do what `spherify.geometry.unfolding.rounded` does to ``position`` (3, n); K (n,) is for scratch.
+    """Do what `spherify.geometry.unfolding.evened_out` does to ``position`` (3, n); K (n,) is for scratch.
 
     Returns:
         whether there was anything to move.
