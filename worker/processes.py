@@ -73,6 +73,7 @@ class ForkServer:
         self._requests, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with theirs:
             self._process = _python("worker.fork_server", theirs.fileno())
+        self._killed = False
 
     @property
     def pid(self) -> int:
@@ -81,8 +82,8 @@ class ForkServer:
 
     @property
     def alive(self) -> bool:
-        """Whether it runs."""
-        return self._process.poll() is None
+        """Whether it runs, and will go on: one that was killed closes its files before the system says it has ended."""
+        return not self._killed and self._process.poll() is None
 
     def fork(self, order: int, events: int) -> Process:
         """Ask for a runner, and do not wait for it: a server that is starting has other things to do first."""
@@ -95,6 +96,7 @@ class ForkServer:
 
     def kill(self) -> None:
         """End it, and with it the runners that it forked; harmless when it has ended."""
+        self._killed = True
         self._process.kill()
 
     def close(self) -> None:
