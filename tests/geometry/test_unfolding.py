@@ -13,6 +13,7 @@ from spherify.geometry.config import Stage, Unfolding
 from spherify.geometry.errors import InvalidConfigError
 from spherify.geometry.flow import StopReason, flow
 from spherify.geometry.kernels import ENGINES, get_engine
+from spherify.geometry.methods.curvature import Control, Phase
 from spherify.geometry.presets import PRESETS
 from spherify.geometry.quality import inward_faces
 from spherify.geometry.samples.implicit import surface
@@ -183,3 +184,16 @@ def test_a_run_resumes_from_within_bit_by_bit(engine):
 def test_wrong_parameters_are_refused(wrong):
     with pytest.raises(InvalidConfigError, match=next(iter(wrong))):
         Unfolding(**{"sphericity": 0.99, "exponent": 4.0, "rounds": 8} | wrong)
+
+
+def test_what_is_unfolded_gets_rounder_along_the_radii():
+    """Equal radii cut more off the ball over large triangles: T goes on, and turns no face."""
+    mesh = sample("quadruped", 1000)
+    after = [
+        state
+        for state in flow(mesh, ROBUST, engine="compiled")
+        if Control(*state.checkpoint()["control"]).phase == Phase.RADII
+    ]
+    assert after[-1].stop_reason is not None
+    assert after[-1].sphericity > after[0].sphericity + 1e-4
+    assert all(inward_faces(s.vertices, mesh.faces, s.vertices.mean(axis=0)) == 0 for s in after[::20])
