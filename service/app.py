@@ -19,6 +19,7 @@ from service.context import Services, Stores
 from service.description import DESCRIPTION, TAGS, describe
 from service.logs import set_up as set_up_logs
 from service.middleware import EXPOSED, REQUEST_ID, Cors, ErrorGuard, RequestContext
+from service.polls import Polls
 from service.routes import arrays, continuations, events, jobs, meshes, pages, service, site, snapshots
 from service.site import Site
 from service.stopping import on_stop
@@ -67,7 +68,7 @@ def create_app(settings: Settings | None = None, stores: Stores | None = None) -
         openapi_url=None,
         redirect_slashes=False,
         lifespan=lifespan,
-        middleware=_middleware(settings),
+        middleware=_middleware(settings, services),
     )
     app.state.site = Site()
     app.state.services = services
@@ -79,7 +80,7 @@ def create_app(settings: Settings | None = None, stores: Stores | None = None) -
     return app
 
 
-def _middleware(settings: Settings) -> list[Middleware]:
+def _middleware(settings: Settings, services: Services) -> list[Middleware]:
     """Outermost first: the identifier is on every answer, CORS on every failure but its own."""
     cors = Middleware(
         Cors,
@@ -99,7 +100,8 @@ def _middleware(settings: Settings) -> list[Middleware]:
         expose_headers=EXPOSED,
     )
     guard = Middleware(ErrorGuard)
-    return [Middleware(RequestContext), guard, *([cors, guard] if settings.cors_origins else [])]
+    polls = Middleware(Polls, services)
+    return [Middleware(RequestContext), guard, *([cors, guard] if settings.cors_origins else []), polls]
 
 
 def _methods_at(app: FastAPI) -> Callable[[str], set[str]]:

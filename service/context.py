@@ -12,6 +12,7 @@ from starlette.requests import Request
 from service.cache import FileCache
 from service.intake import Intake
 from service.job_answers import JobDocuments
+from service.reading import JobReader
 from service.watch import Watch
 from spherify.jobs.ports import BlobStore, JobQueue, JobStore, MeshStore
 from spherify.jobs.repeats import RepeatStore
@@ -57,7 +58,8 @@ class Services:
     intake: Intake
     cache: FileCache
     watch: Watch
-    documents: JobDocuments = field(default_factory=JobDocuments)
+    documents: JobDocuments
+    reader: JobReader
     conversions: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(CONVERSIONS))
     views: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(VIEWS))
 
@@ -65,7 +67,16 @@ class Services:
     def of(cls, settings: Settings, stores: Stores) -> Services:
         """Build the rest from settings and stores."""
         cache = FileCache(settings.data_dir / "cache", settings.cache_bytes, settings.min_free_bytes)
-        return cls(settings, stores, Intake(stores.meshes, stores.blobs, settings), cache, Watch(stores.jobs))
+        documents = JobDocuments()
+        return cls(
+            settings,
+            stores,
+            Intake(stores.meshes, stores.blobs, settings),
+            cache,
+            Watch(stores.jobs),
+            documents,
+            JobReader(stores.jobs, documents),
+        )
 
 
 async def _services(request: Request) -> Services:

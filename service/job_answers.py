@@ -41,20 +41,28 @@ class JobDocuments:
         found = self._documents.get(job_id)
         return None if found is None else found[0]
 
+    def keep(self, job: Job) -> None:
+        """Remember a job as it was just read, perhaps for somebody who has its document."""
+        if self.job(job.id) is not job:
+            self._put(job, b"")
+
     def document(self, job: Job) -> bytes:
         """Return the JSON of a job."""
         found = self._documents.get(job.id)
-        if found is not None and found[0] is job:
+        if found is not None and found[0] is job and found[1]:
             self._documents.move_to_end(job.id)
             return found[1]
         text = json_text(job_out(job))
-        if found is not None:
+        self._put(job, text)
+        return text
+
+    def _put(self, job: Job, text: bytes) -> None:
+        if job.id in self._documents:
             self._forget(job.id)
         self._documents[job.id] = job, text
         self._bytes += _size(job, text)
         while self._bytes > self._most_bytes:
             self._forget(next(iter(self._documents)))
-        return text
 
     def _forget(self, job_id: str) -> None:
         self._bytes -= _size(*self._documents.pop(job_id))

@@ -1,8 +1,7 @@
 """Following jobs: one look a quarter of a second at all that somebody follows, shared by everybody who does.
 
-A look asks the store for the revisions of these jobs in one call, and reads those that have changed. Followers
-never ask the store themselves, so that a thousand of them cost it no more than one. While the store does not answer
-they go on waiting.
+A look asks the store for these jobs in one call, which reads those that have changed. Followers never ask the store
+themselves, so that a thousand of them cost it no more than one. While the store does not answer they go on waiting.
 """
 
 from __future__ import annotations
@@ -171,17 +170,13 @@ class Watch:
     def _look(self, asked: dict[str, Sight]) -> dict[str, Sight | None]:
         """Return what is other than it was; None for a job of which the store knows nothing."""
         seen: dict[str, Sight | None] = {}
-        for (job_id, before), found in zip(asked.items(), self._jobs.revisions(list(asked)), strict=True):
-            if found is None or found.rev != before.job.rev:
-                seen[job_id] = self._read(job_id, before)
-            elif found.queue_position != before.job.queue_position:
-                seen[job_id] = Sight(replace(before.job, queue_position=found.queue_position))
+        found = self._jobs.get_all({job_id: before.job for job_id, before in asked.items()})
+        for job_id, before in asked.items():
+            match found[job_id]:
+                case Job() as job if job is not before.job:
+                    seen[job_id] = Sight(job)
+                case JobGoneError():
+                    seen[job_id] = replace(before, gone=True)
+                case JobNotFoundError():
+                    seen[job_id] = None
         return seen
-
-    def _read(self, job_id: str, before: Sight) -> Sight | None:
-        try:
-            return Sight(self._jobs.get(job_id))
-        except JobGoneError:
-            return replace(before, gone=True)
-        except JobNotFoundError:
-            return None

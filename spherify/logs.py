@@ -13,6 +13,7 @@ from contextvars import ContextVar
 from typing import Final
 
 current_request: ContextVar[str | None] = ContextVar("current_request", default=None)
+_ENCODE: Final = json.JSONEncoder(ensure_ascii=False).encode
 _FIELDS: Final = ("action", "job_id", "mesh_id", "method", "path", "status", "ms")
 
 
@@ -34,7 +35,7 @@ class JsonLines(logging.Formatter):
         line.update({name: getattr(record, name) for name in _FIELDS if hasattr(record, name)})
         if record.exc_info:
             line["trace"] = self.formatException(record.exc_info)
-        return json.dumps(line, ensure_ascii=False)
+        return _ENCODE(line)
 
 
 def json_handler() -> logging.Handler:

@@ -216,8 +216,7 @@ async def get_job(request: Request, context: Context, job_id: JobId, wait: Wait 
 
     With `wait` the answer comes as soon as the job is done; with `If-None-Match` too, as soon as it has changed.
     """
-    documents = context.documents
-    job = await to_thread.run_sync(context.stores.jobs.get, job_id, documents.job(job_id))
+    job = await context.reader.get(job_id)
     if wait > 0:
         known = request.headers.get("if-none-match") is not None
         job = await awaited(
@@ -226,7 +225,7 @@ async def get_job(request: Request, context: Context, job_id: JobId, wait: Wait 
             wait,
             lambda seen: not matches(request, job_etag(seen)) if known else seen.status.done,
         )
-    return job_answer(request, job, document=documents.document)
+    return job_answer(request, job, document=context.documents.document)
 
 
 @router.post(

@@ -12,6 +12,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import BinaryIO, Generic, Protocol, TypeVar
 
+from spherify.jobs.errors import JobsError
 from spherify.jobs.model import Job, JobSpec, JobStatus, MeshRecord, Outcome, Progress, Snapshot
 
 T = TypeVar("T")
@@ -130,14 +131,6 @@ class Page(Generic[T]):
     next_cursor: str | None
 
 
-@dataclass(frozen=True, slots=True)
-class Revision:
-    """What tells whether a job has changed: its revision, and its place in the queue, which moves without one."""
-
-    rev: int
-    queue_position: int | None
-
-
 class JobStore(Protocol):
     """The live record of every job; every change of several keys is one script or transaction."""
 
@@ -157,8 +150,13 @@ class JobStore(Protocol):
         """
         ...
 
-    def revisions(self, job_ids: Sequence[str]) -> list[Revision | None]:
-        """Return where each of these jobs is, None where there is none, in one call however many they are."""
+    def get_all(self, known: Mapping[str, Job | None]) -> dict[str, Job | JobsError]:
+        """Return each of these jobs as `get` does, or what it raises; in one call however many they are.
+
+        Args:
+            known: by id, each job as it was last seen, or None.
+
+        """
         ...
 
     def find(

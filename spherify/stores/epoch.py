@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import redis
 
 from spherify.jobs.errors import StoreUnavailableError
 from spherify.stores import keys
 from spherify.stores.client import reachable
+
+REBUILDING: Final = "the job records are being rebuilt from the files: try again in a moment"
 
 
 def is_complete(client: redis.Redis) -> bool:
@@ -18,4 +22,4 @@ def is_complete(client: redis.Redis) -> bool:
 def require_complete(client: redis.Redis) -> None:
     """Raise `StoreUnavailableError` while records may be missing: what is not there may come back."""
     if not is_complete(client):
-        raise StoreUnavailableError("the job records are being rebuilt from the files: try again in a moment")
+        raise StoreUnavailableError(REBUILDING)

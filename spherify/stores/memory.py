@@ -12,7 +12,9 @@ from spherify.jobs.errors import (
     JobGoneError,
     JobNotFinishedError,
     JobNotFoundError,
+    JobsError,
     MeshNotFoundError,
+    NotFoundError,
 )
 from spherify.jobs.ids import is_job_id
 from spherify.jobs.model import (
@@ -26,7 +28,7 @@ from spherify.jobs.model import (
     Progress,
     Snapshot,
 )
-from spherify.jobs.ports import CancelOutcome, Claim, ClaimOutcome, Page, Renewal, Revision
+from spherify.jobs.ports import CancelOutcome, Claim, ClaimOutcome, Page, Renewal
 
 _AT_WORK = (JobStatus.RUNNING, JobStatus.CANCELLING)
 
@@ -84,11 +86,16 @@ class MemoryJobStore:
                 job = replace(job, queue_position=self.waiting(0).index(job_id))
             return known if known == job else job
 
-    def revisions(self, job_ids: Sequence[str]) -> list[Revision | None]:
-        """Return where each of these jobs is, None where there is none."""
+    def get_all(self, known: Mapping[str, Job | None]) -> dict[str, Job | JobsError]:
+        """Return these jobs, or why one is not there; each that is known and still the same as it was given."""
+        found: dict[str, Job | JobsError] = {}
         with self._lock:
-            jobs = [self.get(job_id) if job_id in self._entries else None for job_id in job_ids]
-        return [None if job is None else Revision(job.rev, job.queue_position) for job in jobs]
+            for job_id, job in known.items():
+                try:
+                    found[job_id] = self.get(job_id, job)
+                except NotFoundError as e:
+                    found[job_id] = e
+        return found
 
     def find(
         self,

@@ -17,20 +17,23 @@ from spherify.jobs.errors import (
     JobGoneError,
     JobNotFinishedError,
     JobNotFoundError,
+    JobsError,
     MeshNotFoundError,
+    StoreUnavailableError,
 )
 from spherify.jobs.ids import earliest_job_id, is_job_id
 from spherify.jobs.layout import TOMBSTONE_S
 from spherify.jobs.model import Job, JobSpec, JobStatus, Outcome, Progress, Snapshot
-from spherify.jobs.ports import CancelOutcome, Claim, ClaimOutcome, Page, Renewal, Revision
+from spherify.jobs.ports import CancelOutcome, Claim, ClaimOutcome, Page, Renewal
 from spherify.stores import keys
 from spherify.stores.client import Scripts, reachable
-from spherify.stores.epoch import is_complete, require_complete
+from spherify.stores.epoch import REBUILDING, is_complete, require_complete
 from spherify.stores.records import fields_of, hash_of, job_of
 
 log = logging.getLogger(__name__)
 
-_CHUNK: Final = 200  # ids read at a time while a listing is filtered
+_CHUNK: Final = 100  # jobs read at a time while a listing is filtered
+_JOBS_A_CALL: Final = 100  # the server does nothing else meanwhile
 _ROWS_A_CALL: Final = 500  # far below the stack of Lua's unpack, and a call stays short
 
 
@@ -52,30 +55,29 @@ class RedisJobStore:
         return self.get(spec.id)
 
     def get(self, job_id: str, known: Job | None = None) -> Job:
-        """Return one job, ``known`` itself if it is still the same.
+        """Return one job, ``known`` itself if it is still the same; raises `JobNotFoundError`, `JobGoneError`."""
+        found = self.get_all({job_id: known})[job_id]
+        if isinstance(found, JobsError):
+            raise found
+        return found
 
-        One round trip; what is known already is neither sent nor read again.
+    def get_all(self, known: Mapping[str, Job | None]) -> dict[str, Job | JobsError]:
+        """Return these jobs, or why one is not there; each that is known and still the same as it was given.
 
-        Raises:
-            JobNotFoundError: there is none.
-            JobGoneError: it was deleted.
-
+        One round trip for so many of them; what is known already is neither sent nor read again.
         """
-        job = self._read(job_id, known)
-        if job is not None:
-            return job
-        with reachable():
-            gone = self._client.exists(keys.gone(job_id))
-        if gone:
-            raise JobGoneError(f"{job_id} was deleted")
-        self._require_complete()
-        raise JobNotFoundError(f"there is no job {job_id}")
-
-    def revisions(self, job_ids: Sequence[str]) -> list[Revision | None]:
-        """Return where each of these jobs is, None where there is none, in one call however many they are."""
-        records = [keys.job(job_id) for job_id in job_ids]
-        found = self._scripts("revisions", [keys.QUEUED, *records], list(job_ids), common=False)
-        return [None if rev is None else Revision(int(rev), position) for rev, position in found]
+        found: dict[str, Job | JobsError] = {}
+        ids = list(known)
+        for start in range(0, len(ids), _JOBS_A_CALL):
+            part = ids[start : start + _JOBS_A_CALL]
+            names = [name for i in part for name in (keys.job(i), keys.snapshots(i), keys.gone(i))]
+            args = [arg for i in part for arg in (i, _revision(known[i], i))]
+            answers = self._scripts("read", [keys.QUEUED, *names], args, common=False)
+            found |= {i: _as_found(i, known[i], answer) for i, answer in zip(part, answers, strict=True)}
+        if any(isinstance(job, JobNotFoundError) for job in found.values()) and not self.complete():
+            lost = StoreUnavailableError(REBUILDING)  # what is not there may come back
+            found |= {i: lost for i, job in found.items() if isinstance(job, JobNotFoundError)}
+        return found
 
     def find(
         self,
@@ -285,32 +287,30 @@ class RedisJobStore:
         while True:
             with reachable():
                 ids: list[str] = self._client.zrevrangebylex(index, before, since, 0, _CHUNK)  # type: ignore[assignment] # client is not async
-            for job_id in ids:
-                job = self._read(job_id)
-                if job is not None:
+            for job in self.get_all(dict.fromkeys(ids)).values():
+                if isinstance(job, Job):
                     yield job
             if len(ids) < _CHUNK:
                 return
             before = f"({ids[-1]}"
 
-    def _read(self, job_id: str, known: Job | None = None) -> Job | None:
-        """Return a job as it is at one moment, None if there is none."""
-        if known is not None and known.id != job_id:
-            known = None
-        found = self._scripts(
-            "read",
-            [keys.job(job_id), keys.QUEUED, keys.snapshots(job_id)],
-            [job_id, "" if known is None else known.rev],
-            common=False,
-        )
-        if found is None:
-            return None
-        _, position, *rest = found
-        if rest:
-            fields, snapshots = rest
-            return job_of(dict(zip(fields[::2], fields[1::2], strict=True)), snapshots, position)
-        assert known is not None  # noqa: S101 (or its revision could not be the same)
-        return known if known.queue_position == position else replace(known, queue_position=position)
+
+def _revision(known: Job | None, job_id: str) -> int | str:
+    return known.rev if known is not None and known.id == job_id else ""
+
+
+def _as_found(job_id: str, known: Job | None, answer: Any) -> Job | JobsError:  # noqa: ANN401 (the script's)
+    """Return what the script found of one job."""
+    if answer is None:
+        return JobNotFoundError(f"there is no job {job_id}")
+    if answer == 1:
+        return JobGoneError(f"{job_id} was deleted")
+    _, position, *rest = answer
+    if rest:
+        fields, snapshots = rest
+        return job_of(dict(zip(fields[::2], fields[1::2], strict=True)), snapshots, position)
+    assert known is not None  # noqa: S101 (or its revision could not be the same)
+    return known if known.queue_position == position else replace(known, queue_position=position)
 
 
 def _count(limit: int | None) -> int:

@@ -1,0 +1,72 @@
+"""Reading jobs for all who ask at the same moment: whoever comes while the store is read waits for the next time.
+
+The next reading begins after they have asked: nobody is shown a job older than what was answered to anybody before.
+However many ask, the store is asked once at a time, in one thread.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from copy import copy
+from dataclasses import dataclass, field
+
+from service.job_answers import JobDocuments
+from spherify.jobs.model import Job
+from spherify.jobs.ports import JobStore
+
+
+@dataclass(eq=False, slots=True)
+class _Reading:
+    """Jobs that are read together, and what was found of each."""
+
+    known: dict[str, Job | None] = field(default_factory=dict)
+    found: Mapping[str, Job | Exception] = field(default_factory=dict)
+    over: asyncio.Event = field(default_factory=asyncio.Event)
+
+
+class JobReader:
+    """Reads jobs; lives in one event loop.
+
+    Args:
+        jobs: where they are.
+        documents: which of them are known, and are not read again unless they have changed.
+
+    """
+
+    def __init__(self, jobs: JobStore, documents: JobDocuments) -> None:
+        self._jobs = jobs
+        self._documents = documents
+        self._next = _Reading()
+        self._task: asyncio.Task[None] | None = None
+        # Of its own: whatever else is slow does not hold this up; and a hop to it costs half of one to those of anyio.
+        self._thread = ThreadPoolExecutor(1, "jobs")
+
+    async def get(self, job_id: str) -> Job:
+        """Return a job as it is after this was asked; raises as `JobStore.get` does."""
+        reading = self._next
+        reading.known.setdefault(job_id, self._documents.job(job_id))
+        if self._task is None:
+            self._task = asyncio.create_task(self._read())
+        await reading.over.wait()
+        found = reading.found[job_id]
+        if isinstance(found, Exception):
+            raise copy(found)  # it is told to many, and gathers a traceback each time
+        return found
+
+    async def _read(self) -> None:
+        run = asyncio.get_running_loop().run_in_executor
+        try:
+            while self._next.known:
+                reading, self._next = self._next, _Reading()
+                try:
+                    reading.found = await run(self._thread, self._jobs.get_all, reading.known)
+                except Exception as e:  # noqa: BLE001 (raised to everyone who asked)
+                    reading.found = dict.fromkeys(reading.known, e)
+                for job in reading.found.values():
+                    if isinstance(job, Job):
+                        self._documents.keep(job)
+                reading.over.set()
+        finally:
+            self._task = None

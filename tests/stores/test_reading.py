@@ -1,0 +1,63 @@
+"""Reading jobs, one or many, known or not: the twin in memory and the real server."""
+
+from __future__ import annotations
+
+import pytest
+import redis
+
+from spherify.jobs.errors import JobGoneError, JobNotFoundError, StoreUnavailableError
+from spherify.jobs.ids import new_job_id
+from spherify.jobs.model import Job, JobStatus, Outcome, Progress
+from spherify.jobs.ports import JobStore
+from spherify.stores import keys
+from tests.jobs.examples import job_spec
+
+
+def test_many_are_read_in_the_order_asked_each_with_what_it_is(jobs: JobStore) -> None:
+    first, second, deleted = (jobs.add(job_spec()).id for _ in range(3))
+    jobs.request_cancel(deleted)
+    jobs.delete(deleted)
+    unknown, _ = new_job_id()
+    found = jobs.get_all(dict.fromkeys([second, unknown, first, deleted]))
+    assert list(found) == [second, unknown, first, deleted]
+    assert (found[first], found[second]) == (jobs.get(first), jobs.get(second))
+    assert isinstance(found[unknown], JobNotFoundError)
+    assert isinstance(found[deleted], JobGoneError)
+    assert jobs.get_all({}) == {}
+
+
+def test_more_than_one_call_takes(jobs: JobStore) -> None:
+    ids = [jobs.add(job_spec()).id for _ in range(300)]
+    found = jobs.get_all(dict.fromkeys(ids))
+    assert [job.queue_position for job in found.values() if isinstance(job, Job)] == list(range(300))
+
+
+def test_what_is_known_and_unchanged_is_not_read_again(jobs: JobStore) -> None:
+    first, second = jobs.add(job_spec()).id, jobs.add(job_spec()).id
+    known = jobs.get(second)
+    assert jobs.get(second, known) is known
+    assert jobs.get(first, known).id == first  # of the same revision
+    token = jobs.claim(first, "w").token
+    moved = jobs.get(second, known)
+    assert (moved.rev, moved.queue_position) == (known.rev, 0)
+    assert moved == jobs.get(second)
+    known = jobs.get(first)
+    assert jobs.get_all({first: known, second: None}) == {first: known, second: moved}
+    assert jobs.get(first, known) is known
+    assert jobs.report(first, token, Progress(1, 3))
+    changed = jobs.get(first, known)
+    assert changed == jobs.get(first) != known
+    assert jobs.commit(first, token, Outcome(JobStatus.SUCCESSFUL))
+    jobs.delete(first)
+    with pytest.raises(JobGoneError):
+        jobs.get(first, changed)
+
+
+@pytest.mark.parametrize("make", ["redis"], indirect=True)
+def test_what_is_missing_may_come_back_while_records_are(jobs: JobStore, client: redis.Redis) -> None:
+    """One that is there, and one of which nobody can say yet whether there ever was one."""
+    there, (missing, _) = jobs.add(job_spec()).id, new_job_id()
+    client.delete(keys.EPOCH)
+    found = jobs.get_all(dict.fromkeys([there, missing]))
+    assert isinstance(found[there], Job)
+    assert isinstance(found[missing], StoreUnavailableError)
