@@ -22,9 +22,8 @@ from spherify.geometry.frame import Frame
 from spherify.geometry.kernels import ENGINES, Engine, default_engine, get_engine
 from spherify.geometry.mesh import Floats, TriangleMesh
 from spherify.geometry.methods import Breakdown, Standstill, prepare
-from spherify.geometry.metrics import Metrics, metrics_of
+from spherify.geometry.metrics import Metrics
 from spherify.geometry.progress import Progress, fingerprint_of
-from spherify.geometry.quality import inward_faces, least_area
 from spherify.geometry.roundness import Shape
 from spherify.geometry.topology import Topology
 
@@ -239,9 +238,9 @@ class _Run:
 
     def metrics(self, progress: Progress) -> Metrics:
         """Return the figures of a state, in the unit of the mesh."""
-        return metrics_of(
-            progress.position,
-            self._topology,
+        return Metrics.of(
+            progress.shape,
+            self.method.figures(progress.position, progress.shape.centroid),
             measure=self._config.measure,
             step=self.method.step(progress),
             scale=self.frame.scale,
@@ -281,7 +280,7 @@ class _Run:
                 return progress.broken("turned the mesh inside out or left the finite numbers")
         factor = self._rescaling(shape)
         if factor != 1:
-            moved = shape.centroid + factor * (moved - shape.centroid)
+            moved = self.method.scaled(moved, shape.centroid, factor)
             shape = shape.scaled(factor)
         moved.setflags(write=False)
         best = (progress.best_iteration, progress.best_position, progress.best_shape)
@@ -293,8 +292,8 @@ class _Run:
 
     def _true(self, progress: Progress) -> bool:
         """Whether no face looks towards the centroid or has all but vanished, which no radius shows."""
-        V, F = progress.position, self._topology.faces
-        return inward_faces(V, F, progress.shape.centroid) == 0 and least_area(V, F) >= VANISHED
+        figures = self.method.figures(progress.position, progress.shape.centroid)
+        return figures.inward_faces == 0 and figures.least_area >= VANISHED
 
     def _rescaling(self, shape: Shape) -> float:
         """Return the factor that restores the area or volume of the start."""

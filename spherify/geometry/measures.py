@@ -122,6 +122,14 @@ def area_centroid(V: Floats, F: Ints, areas: Floats) -> Floats:
     return np.asarray((areas[:, None] * corners).sum(axis=0) / (3 * total))
 
 
+def scaled(V: Floats, centre: Floats, factor: float) -> Floats:
+    """(n, 3) points c + factor·(p - c) for the rows p of V, with ``centre`` (3,) for c."""
+    moved = V - centre
+    moved *= factor
+    moved += centre
+    return moved
+
+
 def volume(V: Floats, F: Ints, origin: Floats) -> float:
     """Signed volume Σ (a - o)·((b - o) × (c - o)) / 6, positive when the normals point outward.
 

@@ -19,12 +19,6 @@ def triangle_quality(V: Floats, F: Ints) -> Floats:
     return np.divide(numerator, squares, out=np.zeros_like(areas), where=squares != 0)
 
 
-def least_area(V: Floats, F: Ints) -> float:
-    """Least area of a triangle over their mean area."""
-    areas = measures.face_areas(V, F)
-    return float(areas.min() / areas.mean())
-
-
 def inward_faces(V: Floats, F: Ints, centre: Floats) -> int:
     """Count the faces with n_f·(centre_f - c) ≤ 0: those that look towards ``centre`` (3,), or have no area.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import cache
 
 import numpy as np
@@ -133,11 +133,40 @@ def test_shape(name):
         np.testing.assert_allclose(other.centroid, one.centroid, rtol=0, atol=1e-13)
 
 
+@pytest.mark.parametrize("measure", MEASURES)
+@pytest.mark.parametrize("name", MESHES)
+def test_figures(name, measure):
+    """Also where faces look inward; which do is the same to the last one."""
+    mesh, config = MESHES[name], replace(ROBUST, measure=measure)
+    for V in (mesh.vertices, jittered(mesh, 0.4).vertices + 3.0):
+        reference, compiled = both(mesh, config)
+        centre = reference.shape(V).centroid
+        one, other = asdict(reference.figures(V, centre)), asdict(compiled.figures(V, centre))
+        assert other.pop("inward_faces") == one.pop("inward_faces")
+        greatest = max(abs(one["curvature_min"]), abs(one["curvature_max"]))
+        for of_curvature in ("curvature_min", "curvature_max"):
+            assert other.pop(of_curvature) == pytest.approx(one.pop(of_curvature), abs=ROUNDING * greatest)
+        assert other == pytest.approx(one, rel=ROUNDING)
+
+
+@pytest.mark.parametrize("name", ["stone, 1,500", "open"])
+def test_scaled(name):
+    mesh = MESHES[name]
+    V, centre = np.array(mesh.vertices), np.array([0.3, -0.2, 0.1])
+    moved = [kernel.scaled(V, centre, 1.25) for kernel in both(mesh, ROBUST)]
+    assert moved[0].tobytes(order="C") == moved[1].tobytes(order="C")
+    np.testing.assert_allclose(moved[0], 1.25 * V - 0.25 * centre, rtol=0, atol=1e-15)
+
+
 def test_a_mesh_without_area():
     mesh = tetrahedron()
     V = np.zeros((4, 3))
-    one, other = (kernel.shape(V) for kernel in both(mesh, ROBUST))
+    kernels = both(mesh, ROBUST)
+    one, other = (kernel.shape(V) for kernel in kernels)
     assert (other.area, other.volume, other.radius_variation) == (one.area, one.volume, one.radius_variation)
+    one, other = (kernel.figures(V, np.zeros(3)) for kernel in kernels)
+    assert other == one
+    assert (one.inward_faces, one.least_quality, one.least_area, one.radius_ratio) == (4, 0, 0, 0)
 
 
 @pytest.mark.parametrize("build", [tetrahedron, octahedron, icosahedron])
@@ -162,6 +191,8 @@ def test_degenerate_faces(measure):
         actual = compiled.transform(V, Stage(1, 1, 0), 0.01, config.relaxation)
         assert np.isfinite(expected).all()
         assert np.abs(actual - expected).max() <= 1e-11
+        found = [kernel.figures(V, np.zeros(3)).inward_faces for kernel in (reference, compiled)]
+        assert found[0] == found[1] >= 3, "a face without area looks inward by either"
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e200])
@@ -172,9 +203,12 @@ def test_positions_that_are_no_numbers(value, mode):
     V[7, 1] = value
     config = FlowConfig(iterations=1, **MODES[mode])
     with np.errstate(all="ignore"):
+        kernels = both(mesh, config)
         expected, actual = (
-            kernel.transform(V, Stage(1, 2, 1), 0.01, config.relaxation) for kernel in both(mesh, config)
+            kernel.transform(V, Stage(1, 2, 1), 0.01, config.relaxation) for kernel in kernels
         )
+        figures = [repr(kernel.figures(V, np.zeros(3))) for kernel in kernels]
+    assert figures[0] == figures[1]
     assert (actual is None) == (expected is None)
     if expected is not None:
         assert (np.isfinite(actual) == np.isfinite(expected)).all()

@@ -42,28 +42,52 @@ def test_the_same_bytes_with_any_number_of_threads(large, preset, exponent):
     moved = [kernel.transform(V, Stage(1, 2, 1), 1e-3, config.relaxation) for kernel in kernels]
     assert np.abs(moved[0] - V).max() > 1e-5
     shapes = [kernel.shape(moved[0]) for kernel in kernels]
-    for positions, shape in zip(moved[1:], shapes[1:], strict=True):
+    figures = [kernel.figures(moved[0], shapes[0].centroid) for kernel in kernels]
+    for positions, shape, others in zip(moved[1:], shapes[1:], figures[1:], strict=True):
         assert positions.tobytes(order="C") == moved[0].tobytes(order="C")
         assert repr(shape) == repr(shapes[0])
+        assert others == figures[0]
 
 
-def test_positions_that_are_still_loaded_are_only_those_returned_last():
-    mesh = sample("stone", 500)
+def test_positions_that_are_still_loaded_are_only_those_seen_last():
+    """What is asked in between changes no byte, and leaves loaded what was."""
+    mesh, T, centre = sample("stone", 500), Stage(1, 1, 1), np.array([0.1, 0.0, 0.0])
     topology = Topology.of(len(mesh.vertices), mesh.faces)
     kernel, V = CompiledEngine().prepare(topology, ROBUST), np.array(mesh.vertices)
 
     def fresh():
         return CompiledEngine().prepare(topology, ROBUST)
 
-    first = kernel.transform(V, Stage(1, 1, 1), 1e-3, 0.5)
+    def assert_same(positions, expected):
+        assert positions.tobytes(order="C") == expected.tobytes(order="C")
+
+    first = kernel.transform(V, T, 1e-3, 0.5)
     assert repr(kernel.shape(first)) == repr(fresh().shape(first))
     assert repr(kernel.shape(V)) == repr(fresh().shape(V))
-    second = kernel.transform(first, Stage(1, 1, 1), 1e-3, 0.5)
-    third = kernel.transform(second, Stage(1, 1, 1), 1e-3, 0.5)
-    assert np.array_equal(third, fresh().transform(second, Stage(1, 1, 1), 1e-3, 0.5))
-    assert np.array_equal(third, kernel.transform(second, Stage(1, 1, 1), 1e-3, 0.5))
+    assert kernel.figures(first, centre) == fresh().figures(first, centre)
+    second = kernel.transform(first, T, 1e-3, 0.5)
+    assert_same(second, fresh().transform(np.array(first), T, 1e-3, 0.5))
+    scaled = kernel.scaled(second, centre, 1.1)
+    assert kernel.figures(scaled, centre) == fresh().figures(scaled, centre)
+    assert kernel.figures(second, centre) == fresh().figures(second, centre)
+    assert_same(kernel.scaled(second, centre, 1.1), scaled)
+    third = kernel.transform(scaled, T, 1e-3, 0.5)
+    assert_same(third, fresh().transform(np.array(scaled), T, 1e-3, 0.5))
+    assert_same(third, kernel.transform(scaled, T, 1e-3, 0.5))
     with pytest.raises(ValueError, match="read-only"):
         third[0] = 0.0
+
+
+def test_positions_that_are_written_to_are_loaded_again():
+    mesh = sample("stone", 500)
+    kernel = CompiledEngine().prepare(Topology.of(len(mesh.vertices), mesh.faces), ROBUST)
+    V = np.array(mesh.vertices)
+    seen = V.view()
+    seen.setflags(write=False)
+    for positions in (V, seen):
+        before = kernel.shape(positions).area
+        V *= 2
+        assert kernel.shape(positions).area == pytest.approx(4 * before)
 
 
 def test_threads_on_an_open_mesh_that_is_held():

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, Final
-from weakref import ReferenceType, ref
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +20,7 @@ from spherify.geometry.kernels.passes import shape
 from spherify.geometry.kernels.passes.fans import walk
 from spherify.geometry.kernels.passes.jit import kept
 from spherify.geometry.kernels.passes.levels import by_levels
+from spherify.geometry.kernels.passes.quality import AREA, INWARD, QUALITY, judge
 from spherify.geometry.kernels.passes.step import work
 from spherify.geometry.kernels.passes.types import (
     CONSTANT,
@@ -38,9 +38,11 @@ from spherify.geometry.kernels.passes.types import (
     Task,
 )
 from spherify.geometry.kernels.passes.unfolding import even_out, move_radially, spread, unfold
+from spherify.geometry.kernels.positions import Positions
 from spherify.geometry.kernels.reference import ReferenceKernel
 from spherify.geometry.kernels.team import Team
 from spherify.geometry.mesh import Floats
+from spherify.geometry.metrics import Figures
 from spherify.geometry.roundness import Shape
 from spherify.geometry.topology import Topology
 from spherify.geometry.unfolding import Unfolded
@@ -52,6 +54,7 @@ ENTRIES: Final[Sequence[Callable[..., Any]]] = (
     by_levels,
     work,
     shape.measure,
+    judge,
     move_radially,
     even_out,
     unfold,
@@ -83,23 +86,23 @@ class CompiledKernel:
         self._parts = self._numbering.parts(self._team.threads)
         self._closed = topology.closed
         self._neighbours: NDArray[np.uint32] | None = None  # made when first needed
-        self._last: ReferenceType[Floats] | None = None  # positions that were returned, and are loaded
+        self._positions = Positions(self._use.position, self._numbering, self._parts, self._team)
         self._edge_count = len(topology.edges)
         self._single = self._numbering.place[topology.edges[topology.boundary_edges]]
 
     def transform(self, V: Floats, stage: Stage, step: float, relaxation: float) -> Floats | None:
         """See `spherify.geometry.kernels.interface.Kernel.transform`."""
-        self._load(V)
+        self._positions.load(V)
         end = self._moved(stage, float(step), float(relaxation))
         if end == CONSTANT:
             return None
         if end == NOT_FINITE:
             return self._reference.transform(V, stage, step, relaxation)
-        return self._unloaded()
+        return self._positions.unloaded()
 
     def transform_radially(self, V: Floats, stage: Stage, step: float, centre: Floats) -> Floats | None:
         """See `spherify.geometry.kernels.interface.Kernel.transform_radially`."""
-        self._load(V)
+        self._positions.load(V)
         for outward in [False] * stage.k_in + [True] * stage.k_out:
             found = self._curvature(Task(0, *self._parts[0], 1, 0, step, 0.0))
             if found.end == CONSTANT:
@@ -108,24 +111,24 @@ class CompiledKernel:
                 return self._reference.transform_radially(V, stage, step, centre)
             use = self._use
             move_radially(use.position, use.curvature, found.K_min, found.K_max, step, outward, centre)
-        return self._unloaded()
+        return self._positions.unloaded()
 
     def even_out(self, V: Floats, stage: Stage, centre: Floats) -> Floats | None:
         """See `spherify.geometry.kernels.interface.Kernel.even_out`."""
-        self._load(V)
+        self._positions.load(V)
         use, around = self._use, self._around()
         if not even_out(
             use.position, self._mesh.first, around, centre, use.curvature, stage.k_in, stage.k_out
         ):
             return None
-        return self._unloaded()
+        return self._positions.unloaded()
 
     def unfold(
         self, V: Floats, centre: Floats, log_weights: Floats, *, exponent: float, damping: float, rounds: int
     ) -> Unfolded:
         """See `spherify.geometry.kernels.interface.Kernel.unfold`."""
         mesh = self._mesh
-        self._load(V)
+        self._positions.load(V)
         weights = log_weights[self._numbering.order]
         inward, least_area = unfold(
             self._use.position,
@@ -138,17 +141,17 @@ class CompiledKernel:
             damping,
             rounds,
         )
-        return Unfolded(self._unloaded(), weights[self._numbering.place], inward, least_area)
+        return Unfolded(self._positions.unloaded(), weights[self._numbering.place], inward, least_area)
 
     def spread(self, V: Floats, centre: Floats, rounds: int) -> Unfolded:
         """See `spherify.geometry.kernels.interface.Kernel.spread`."""
-        self._load(V)
+        self._positions.load(V)
         inward, least_area = spread(self._use.position, self._mesh.corners, centre, rounds)
-        return Unfolded(self._unloaded(), np.zeros(0), inward, least_area)
+        return Unfolded(self._positions.unloaded(), np.zeros(0), inward, least_area)
 
     def shape(self, V: Floats) -> Shape:
         """See `spherify.geometry.kernels.interface.Kernel.shape`."""
-        self._load(V, to_move=False)
+        self._positions.load(V, to_move=False)
         parts = list(enumerate(self._parts))
         if len(parts) == 1:
             self._measure(parts[0], ALL_MEASURES)
@@ -161,6 +164,30 @@ class CompiledKernel:
             a, b = position[:, self._single[:, 0]], position[:, self._single[:, 1]]
             edges += float(np.sqrt(((b - a) ** 2).sum(axis=0)).sum())
         return Shape(area, volume, np.array([x, y, z]), edges / 2 / self._edge_count, variation)
+
+    def figures(self, V: Floats, centre: Floats) -> Figures:
+        """See `spherify.geometry.kernels.interface.Kernel.figures`."""
+        self._positions.load(V, to_move=False)
+        curved = self._together(Task(0, *self._parts[0], 1, 0, 0.0, 0.0), VERTICES)
+        if any(part.end == NOT_FINITE for part in curved):
+            return self._reference.figures(V, centre)
+        judged = self._team.each(partial(self._judge, centre=centre), list(enumerate(self._parts)))
+        worst, smallest, nearest, farthest = zip(*judged, strict=True)
+        sums, faces = self._whole.sums.sum(axis=0), self._mesh.corners.shape[1]
+        mean_area = float(sums[AREA]) / faces
+        return Figures(
+            radius_ratio=min(nearest) / max(farthest) if max(farthest) > 0 else 0.0,
+            curvature_min=min(part.K_min for part in curved),
+            curvature_max=max(part.K_max for part in curved),
+            mean_quality=float(sums[QUALITY]) / faces,
+            least_quality=min(worst),
+            inward_faces=int(sums[INWARD]),
+            least_area=min(smallest) / mean_area if mean_area > 0 else 0.0,
+        )
+
+    def scaled(self, V: Floats, centre: Floats, factor: float) -> Floats:
+        """See `spherify.geometry.kernels.interface.Kernel.scaled`."""
+        return self._positions.scaled(V, centre, factor)
 
     def _moved(self, stage: Stage, step: float, relaxation: float) -> int:
         """Apply T to the positions loaded; return how it ended."""
@@ -228,40 +255,27 @@ class CompiledKernel:
             part.last,
         )
 
+    def _judge(self, numbered: tuple[int, Part], centre: Floats) -> tuple[float, float, float, float]:
+        thread, part = numbered
+        whole, segments = self._whole, len(self._whole.sums)
+        judged: tuple[float, float, float, float] = judge(
+            self._use.position,
+            self._mesh.corners,
+            centre,
+            whole.lanes[thread],
+            whole.sums,
+            segments * thread // len(self._parts),
+            segments * (thread + 1) // len(self._parts),
+            part.first,
+            part.last,
+        )
+        return judged
+
     def _around(self) -> NDArray[np.uint32]:
         """(3m,) neighbours of the vertices, made when first needed."""
         if self._neighbours is None:
             self._neighbours = _neighbours(self._mesh)
         return self._neighbours
-
-    def _load(self, V: Floats, *, to_move: bool = True) -> None:
-        """Take positions into the order of the passes, unless they are there: those that were returned last."""
-        loaded = self._last is not None and self._last() is V and not V.flags.writeable
-        if to_move or not loaded:
-            self._last = None
-        if loaded:
-            return
-
-        def take(part: Part) -> None:
-            span = slice(part.first, part.last)
-            for k in range(3):
-                np.take(V[:, k], self._numbering.order[span], out=self._use.position[k, span], mode="clip")
-
-        self._team.each(take, self._parts)
-
-    def _unloaded(self) -> Floats:
-        """Return the positions in the order of the mesh, read-only, for they are known again."""
-        moved = np.empty((len(self._numbering.place), 3), order="F")
-
-        def take(part: Part) -> None:
-            span = slice(part.first, part.last)
-            for k in range(3):
-                np.take(self._use.position[k], self._numbering.place[span], out=moved[span, k], mode="clip")
-
-        self._team.each(take, self._parts)
-        moved.setflags(write=False)
-        self._last = ref(moved)
-        return moved
 
 
 def _neighbours(mesh: Connectivity) -> NDArray[np.uint32]:
@@ -295,6 +309,7 @@ class CompiledEngine:
         kernel = self.prepare(Topology.of(4, faces), FlowConfig(iterations=1))
         kernel.transform(corners, Stage(1, 1, 0), 0.1, 0.0)
         centre = kernel.shape(corners).centroid
+        kernel.figures(corners, centre)
         kernel.transform_radially(corners, Stage(1, 1, 0), 0.1, centre)
         kernel.even_out(corners, Stage(1, 1, 0), centre)
         kernel.unfold(corners, centre, np.zeros(4), exponent=1.0, damping=1.0, rounds=1)

@@ -6,6 +6,7 @@ from typing import Protocol
 
 from spherify.geometry.config import FlowConfig, Stage
 from spherify.geometry.mesh import Floats
+from spherify.geometry.metrics import Figures
 from spherify.geometry.roundness import Shape
 from spherify.geometry.topology import Topology
 from spherify.geometry.unfolding import Unfolded
@@ -53,6 +54,14 @@ class Kernel(Protocol):
 
     def shape(self, V: Floats) -> Shape:
         """Measure the surface as a whole; numbers that are not finite are passed on."""
+        ...
+
+    def figures(self, V: Floats, centre: Floats) -> Figures:
+        """Return the figures of valid positions (n, 3) about ``centre`` (3,), by the measure of the configuration."""
+        ...
+
+    def scaled(self, V: Floats, centre: Floats, factor: float) -> Floats:
+        """Return c + factor·(p - c) for all p of V (n, 3), a new array, with ``centre`` (3,) for c."""
         ...
 
 

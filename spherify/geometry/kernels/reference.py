@@ -11,6 +11,7 @@ from spherify.geometry import measures, transformation
 from spherify.geometry.config import FlowConfig, Stage
 from spherify.geometry.curvature import curvature_from
 from spherify.geometry.mesh import Floats
+from spherify.geometry.metrics import Figures, figures_of
 from spherify.geometry.roundness import Shape, shape_of
 from spherify.geometry.topology import Topology
 from spherify.geometry.unfolding import Unfolded, evened_out, spread, unfolded
@@ -51,6 +52,14 @@ class ReferenceKernel:
     def shape(self, V: Floats) -> Shape:
         """See `spherify.geometry.kernels.interface.Kernel.shape`."""
         return shape_of(V, self._topology)
+
+    def figures(self, V: Floats, centre: Floats) -> Figures:
+        """See `spherify.geometry.kernels.interface.Kernel.figures`."""
+        return figures_of(V, self._topology, self._config.measure, centre)
+
+    def scaled(self, V: Floats, centre: Floats, factor: float) -> Floats:
+        """See `spherify.geometry.kernels.interface.Kernel.scaled`."""
+        return measures.scaled(V, centre, factor)
 
     def _applied(
         self, V: Floats, stage: Stage, elementary: Callable[[Floats, transformation.Direction], Floats | None]

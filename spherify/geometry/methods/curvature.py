@@ -21,6 +21,7 @@ from spherify.geometry.config import FlowConfig, Stage
 from spherify.geometry.kernels import Engine, Kernel
 from spherify.geometry.mesh import Floats
 from spherify.geometry.methods.interface import Standstill, Step
+from spherify.geometry.metrics import Figures
 from spherify.geometry.progress import Layout, Memory, Progress
 from spherify.geometry.roundness import Shape
 from spherify.geometry.schedule import stage_at
@@ -121,6 +122,14 @@ class CurvatureTransformation:
         """See `Method.shape`."""
         return self._kernel.shape(V)
 
+    def figures(self, V: Floats, centre: Floats) -> Figures:
+        """See `Method.figures`."""
+        return self._kernel.figures(V, centre)
+
+    def scaled(self, V: Floats, centre: Floats, factor: float) -> Floats:
+        """See `Method.scaled`."""
+        return self._kernel.scaled(V, centre, factor)
+
     def begin(self, V: Floats, shape: Shape) -> Memory:
         """See `Method.begin`."""
         self._initial_mean_edge = shape.mean_edge
@@ -172,7 +181,11 @@ class CurvatureTransformation:
             ahead = _ahead_along_radii(progress, control.momentum)
             moved = self._kernel.transform_radially(ahead, stage, step, progress.memory["centre"])
         else:
-            ahead = here + control.momentum * (here - previous) if control.momentum > 0 else here
+            ahead = here
+            if control.momentum > 0:
+                ahead = here - previous
+                ahead *= control.momentum
+                ahead += here
             moved = self._kernel.transform(ahead, stage, step, self._config.relaxation * control.annealing)
         return Standstill(STANDSTILL) if moved is None else moved
 

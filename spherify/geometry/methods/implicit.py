@@ -21,6 +21,7 @@ from spherify.geometry.mesh import Floats, Ints
 from spherify.geometry.methods.interface import Breakdown, Step
 from spherify.geometry.methods.laplacian import edge_weights, lumped_masses, stiffness_diagonal
 from spherify.geometry.methods.sparse import SOLVER, SymmetricSolver
+from spherify.geometry.metrics import Figures, figures_of
 from spherify.geometry.progress import Layout, Memory, Progress
 from spherify.geometry.roundness import Shape, shape_of
 from spherify.geometry.topology import Topology
@@ -63,6 +64,14 @@ class ImplicitFlow:
     def shape(self, V: Floats) -> Shape:
         """See `Method.shape`."""
         return shape_of(V, self._topology)
+
+    def figures(self, V: Floats, centre: Floats) -> Figures:
+        """See `Method.figures`; by numpy, which takes a fraction of what an iteration does."""
+        return figures_of(V, self._topology, self._config.measure, centre)
+
+    def scaled(self, V: Floats, centre: Floats, factor: float) -> Floats:
+        """See `Method.scaled`."""
+        return measures.scaled(V, centre, factor)
 
     def begin(self, V: Floats, shape: Shape) -> Memory:
         """See `Method.begin`: the unit of time is the area of the start."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Protocol, TypeAlias
 
 from spherify.geometry.mesh import Floats
+from spherify.geometry.metrics import Figures
 from spherify.geometry.progress import Layout, Memory, Progress
 from spherify.geometry.roundness import Shape
 
@@ -56,6 +57,14 @@ class Method(Protocol):
 
     def shape(self, V: Floats) -> Shape:
         """Measure the surface as a whole; numbers that are not finite are passed on."""
+        ...
+
+    def figures(self, V: Floats, centre: Floats) -> Figures:
+        """Return the figures of valid positions about ``centre`` (3,), by the measure of the configuration."""
+        ...
+
+    def scaled(self, V: Floats, centre: Floats, factor: float) -> Floats:
+        """Return positions V scaled by ``factor`` about ``centre`` (3,), a new array."""
         ...
 
     def begin(self, V: Floats, shape: Shape) -> Memory:
