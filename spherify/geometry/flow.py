@@ -102,6 +102,11 @@ class FlowState:
         return self._run.method.step(self._progress) * self._run.frame.scale
 
     @property
+    def best_iteration(self) -> int:
+        """Iterations done at the best valid state so far; unlike `best` without writing its positions out."""
+        return self._progress.best_iteration
+
+    @property
     def best(self) -> Best:
         """The best valid state so far, this one included."""
         at = self._progress

@@ -11,8 +11,9 @@ from spherify.geometry.config import Stage
 from spherify.geometry.errors import InvalidConfigError
 
 MAX_SNAPSHOTS: Final = 1000
-ROWS_FROM_THE_START: Final = 100
+ROWS_FROM_THE_START: Final = 30
 ROWS_AFTERWARDS: Final = 500
+LEAST_STRIDE: Final = 10  # a row takes a fifth to a third of an iteration
 
 _FORMS: Final = "write snapshots as a list like 100,500,1000, or every:N, or log:N"
 
@@ -75,20 +76,25 @@ class SnapshotPlan:
 def is_recorded(iteration: int, iterations: int, plan: SnapshotPlan) -> bool:
     """Whether the time series of a run of at most ``iterations`` has a row at ``iteration``.
 
-    Every iteration up to ROWS_FROM_THE_START, then each ceil(iterations / ROWS_AFTERWARDS)-th, the snapshots and
-    the last: a rule of these numbers only, so that a resumed run records the same rows. The state a run ends with
-    before that has a row as well.
+    Every iteration up to ROWS_FROM_THE_START, then each ceil(iterations / ROWS_AFTERWARDS)-th, but at most each
+    LEAST_STRIDE-th, the snapshots and the last: a rule of these numbers only, so that a resumed run records the same
+    rows. The state a run ends with before that has a row as well.
     """
     if iteration <= ROWS_FROM_THE_START or iteration == iterations or iteration in plan:
         return True
-    return iteration % -(-iterations // ROWS_AFTERWARDS) == 0
+    return iteration % _stride(iterations) == 0
 
 
 def recorded_iterations(iterations: int, plan: SnapshotPlan) -> tuple[int, ...]:
     """All iterations for which `is_recorded` holds, ascending."""
-    stride = max(-(-iterations // ROWS_AFTERWARDS), 1)
     start = range(min(ROWS_FROM_THE_START, iterations) + 1)
-    return tuple(sorted({*start, *range(0, iterations + 1, stride), *plan.iterations, iterations}))
+    afterwards = range(0, iterations + 1, _stride(iterations))
+    return tuple(sorted({*start, *afterwards, *plan.iterations, iterations}))
+
+
+def _stride(iterations: int) -> int:
+    """Return the iterations between two rows, after those of the start."""
+    return max(-(-iterations // ROWS_AFTERWARDS), LEAST_STRIDE)
 
 
 def _parsed(text: str, iterations: int) -> list[int]:

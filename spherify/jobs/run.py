@@ -163,7 +163,7 @@ class _Run:
     ) -> RunEnd:
         """Follow the states; see `run`."""
         for state in states:
-            if state.best.iteration == state.iteration:
+            if state.best_iteration == state.iteration:
                 self._best, self._best_row = state, None
             if state.stop_reason is not None:
                 return self._end(state, state.stop_reason, state.stop_detail)
@@ -218,7 +218,7 @@ class _Run:
             stop_reason=reason,
             stop_detail=detail,
             iteration=state.iteration,
-            best_iteration=state.best.iteration,
+            best_iteration=state.best_iteration,
             sphericity=state.sphericity,
             progress=self._progress(state.reached),
             rows=tuple(self._take_rows()),

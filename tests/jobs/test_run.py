@@ -15,7 +15,7 @@ from spherify.geometry.samples import SAMPLES
 from spherify.geometry.schedule import SnapshotPlan, recorded_iterations
 from spherify.jobs.model import JobStatus, Progress
 from spherify.jobs.outcome import outcome_of
-from spherify.jobs.rows import Row
+from spherify.jobs.rows import ROWS, Row, rows_to_list
 from spherify.jobs.run import Kept, RunEnd, Stop, run
 from spherify.parameters import resolve
 from spherify.stores.arrays import dump_arrays, load_arrays
@@ -170,9 +170,9 @@ def test_a_run_that_is_handed_on_again_and_again_ends_with_the_same_bytes(looks:
 
 def test_a_cancelled_run_keeps_what_it_has_and_can_go_on() -> None:
     settings = config(iterations=120)
-    end, sink = recorded(stone(), settings, "40", stop=stop_at(55, Stop.CANCEL))
-    assert (end.stop_reason, end.iteration) == (StopReason.CANCELLED, 55)
-    assert {0, 40, 55} <= set(sink.snapshots)
+    end, sink = recorded(stone(), settings, "40", stop=stop_at(60, Stop.CANCEL))
+    assert (end.stop_reason, end.iteration) == (StopReason.CANCELLED, 60)
+    assert {0, 40, 60} <= set(sink.snapshots)
     outcome = outcome_of(end)
     assert (outcome.status, outcome.result_iteration, outcome.stop_reason) == (
         JobStatus.CANCELLED,
@@ -180,8 +180,13 @@ def test_a_cancelled_run_keeps_what_it_has_and_can_go_on() -> None:
         "cancelled",
     )
     _, whole = recorded(stone(), settings, "40")
-    _, later = recorded(stone(), settings, "40", resume=load_arrays(sink.snapshots[55]))
-    assert later.snapshots[120] == whole.snapshots[120]
+    _, later = recorded(stone(), settings, "40", resume=load_arrays(sink.snapshots[60]))
+    one, other = load_arrays(later.snapshots[120]), load_arrays(whole.snapshots[120])
+    rows = [{row["iteration"]: row for row in rows_to_list(arrays.pop(ROWS))} for arrays in (one, other)]
+    assert {name: array.tobytes() for name, array in one.items()} == {
+        name: array.tobytes() for name, array in other.items()
+    }
+    assert rows[0] == {**rows[0], **rows[1]}  # and those of the states that the cancelled run was left with
 
 
 def test_a_deadline_fails_with_the_last_state() -> None:
@@ -207,7 +212,8 @@ def test_a_collapse_fails_with_its_best_state_and_advice() -> None:
     assert outcome.result_iteration == outcome.best_iteration == end.iteration
     assert end.iteration in sink.snapshots
     assert max(sink.rows) > end.iteration  # the way into the collapse is recorded
-    assert end.progress.iteration == max(sink.rows)  # and the progress stays where it broke
+    assert end.progress.iteration >= max(sink.rows)  # and the progress stays where it broke
+    assert f"iteration {end.progress.iteration + 1} " in str(end.stop_detail)
     for content in sink.snapshots.values():
         assert np.isfinite(load_arrays(content)["vertices"]).all()
 
