@@ -1,6 +1,6 @@
 import { execFileSync } from 'node:child_process';
 import { describe, expect, it } from 'vitest';
-import { curl, python } from './snippets';
+import { curl, planOf, python, requestOf } from './snippets';
 
 const request = {
   mesh_id: 'mesh_1',
@@ -23,5 +23,33 @@ describe('snippets', () => {
     expect(program).toContain('"annealing": None');
     expect(program).toContain('"name": "it\'s a cat"');
     expect(program).not.toContain('null');
+  });
+
+  it('name of a job what differs from its preset', () => {
+    const job = {
+      mesh_id: 'mesh_1',
+      preset: 'robust',
+      parameters: { iterations: 70, step: 0.02, window: [1, 99], annealing: { factor: 0.5 } },
+      snapshots: { requested: [0, 1, 2, 5, 70] },
+      name: 'cat',
+    };
+    const defaults = { iterations: 5000, step: 0.01, window: [1, 99], annealing: { factor: 0.5 } };
+    expect(requestOf(job, defaults)).toEqual({
+      mesh_id: 'mesh_1',
+      preset: 'robust',
+      parameters: { step: 0.02 },
+      iterations: 70,
+      snapshots: [0, 1, 2, 5, 70],
+      name: 'cat',
+    });
+    expect(requestOf({ ...job, parameters: defaults }, defaults)).not.toHaveProperty('parameters');
+    expect(requestOf(job, null).parameters).toHaveProperty('window');
+  });
+
+  it('name even steps by their length', () => {
+    expect(planOf([0, 20, 40, 60])).toBe('every:20');
+    expect(planOf([0, 20, 40, 50])).toBe('every:20');
+    expect(planOf([0, 20, 40, 70])).toEqual([0, 20, 40, 70]);
+    expect(planOf([0, 300])).toEqual([0, 300]);
   });
 });

@@ -1,4 +1,5 @@
 import type { JobRequest } from '../api/client';
+import { changes, type Json, type Values } from './schema';
 
 /** The same request for a terminal and for a program: what the page does, anyone can. */
 
@@ -26,25 +27,39 @@ with httpx.Client(base_url="${origin}", timeout=60) as http:
 `;
 }
 
-/** Return the request again for a job that there is: what it was asked for with. */
-export function requestOf(job: {
-  readonly mesh_id: string;
-  readonly preset: string;
-  readonly parameters: unknown;
-  readonly snapshots: { readonly requested: readonly number[] };
-  readonly name: string;
-}): JobRequest {
-  const parameters = job.parameters as Readonly<Record<string, unknown>>;
+/**
+ * Return the request again for a job that there is.
+ *
+ * @param defaults of its preset: only what differs from them is named; null where they are not known.
+ */
+export function requestOf(
+  job: {
+    readonly mesh_id: string;
+    readonly preset: string;
+    readonly parameters: unknown;
+    readonly snapshots: { readonly requested: readonly number[] };
+    readonly name: string;
+  },
+  defaults: Values | null,
+): JobRequest {
+  const { iterations, ...parameters } = changes(job.parameters as Values, defaults ?? {});
   return {
     mesh_id: job.mesh_id,
     preset: job.preset,
-    parameters,
-    snapshots: job.snapshots.requested,
+    ...(Object.keys(parameters).length > 0 ? { parameters } : {}),
+    ...(typeof iterations === 'number' ? { iterations } : {}),
+    snapshots: planOf(job.snapshots.requested),
     name: job.name,
   };
 }
 
-type Json = null | boolean | number | string | readonly Json[] | { readonly [name: string]: Json };
+/** Return `every:N` for states that lie N apart, as the first and the last are kept anyway; others one by one. */
+export function planOf(states: readonly number[]): string | readonly number[] {
+  const apart = states.slice(1).map((state, i) => state - (states[i] ?? 0));
+  const [step = 0] = apart;
+  const even = apart.slice(0, -1).every((one) => one === step) && (apart.at(-1) ?? 0) <= step;
+  return apart.length > 1 && states[0] === 0 && even ? `every:${step}` : states;
+}
 
 function quoted(text: string): string {
   return `'${text.replaceAll("'", String.raw`'\''`)}'`;

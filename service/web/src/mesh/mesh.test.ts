@@ -83,7 +83,7 @@ describe('reading', () => {
     expect(off(text).index.length).toBe(12);
   });
 
-  it('takes a body of 3MF where it is placed, and leaves several to the service', async () => {
+  it('takes the bodies of 3MF where they are placed', async () => {
     const body = `<object id="1"><mesh><vertices><vertex x="0" y="0" z="0"/><vertex x="1" y="0" z="0"/>
       <vertex y='1' x='0' z='0'/><vertex x="0" y="0" z="1"/></vertices><triangles><triangle v1="0" v2="2" v3="1"/>
       <triangle v1="0" v2="1" v3="3"/><triangle v1="1" v2="2" v3="3"/><triangle v1="2" v2="0" v3="3"/></triangles></mesh>
@@ -94,9 +94,18 @@ describe('reading', () => {
     const read = await parse(packed(`<model>${body}<build>${item}</build></model>`), 'a.3MF');
     expect([...read.positions]).toEqual([10, 20, 30, 10, 22, 30, 8, 20, 30, 10, 20, 32]);
     expect([...read.index]).toEqual([0, 2, 1, 0, 1, 3, 1, 2, 3, 2, 0, 3]);
-    await expect(
-      parse(packed(`<model>${body}<build>${item}${item}</build></model>`), 'b.3mf'),
-    ).rejects.toThrow(NoPreviewError);
+    const twice = await parse(packed(`<model>${body}<build>${item}${item}</build></model>`), 'b.3mf');
+    expect(twice.positions.length).toBe(24);
+    expect([...twice.index].slice(12, 15)).toEqual([4, 6, 5]);
+    const pair = `<object id="9"><components><component objectid="1" transform="1 0 0 0 1 0 0 0 1 0 0 5"/></components></object>`;
+    const placed = item.replace('"1"', '"9"');
+    const inner = await parse(packed(`<model>${body}${pair}<build>${placed}</build></model>`), 'c.3mf');
+    expect([...inner.positions]).toEqual([10, 20, 40, 10, 22, 40, 8, 20, 40, 10, 20, 42]);
+    expect(inner.index).toEqual(read.index);
+    const endless = `<object id="9"><components><component objectid="9"/></components></object>`;
+    await expect(parse(packed(`<model>${endless}<build>${placed}</build></model>`), 'd.3mf')).rejects.toThrow(
+      NoPreviewError,
+    );
   });
 
   it('refuses what it cannot draw', async () => {

@@ -33,9 +33,9 @@ export async function parse(data: ArrayBuffer, name: string): Promise<Surface> {
     }
     case '3mf': {
       const { threemf } = await import('./threemf');
-      const body = threemf(data);
-      if (body === null) throw new NoPreviewError('several bodies');
-      return checked(body.positions, body.index);
+      const bodies = threemf(data);
+      if (bodies === null) throw new NoPreviewError('several model files');
+      return checked(bodies.positions, bodies.index);
     }
     default:
       throw new NoPreviewError(`no preview of ${format}`);

@@ -6,10 +6,14 @@ export interface Packed {
   readonly index: number[];
 }
 
+type Place = (point: readonly number[]) => readonly number[];
+
+const DEEPEST = 8; // parts of parts; a file whose parts are made of themselves ends here
+
 /**
- * Read a 3MF package that holds one body and places it once, which is what programs mostly write; null for any other,
- * which is the service's to put together. A worker has no parser of XML, and the format's elements for a mesh have
- * nothing but attributes.
+ * Read a 3MF package: every body where the build places it, also those that are put together of others. Null for a
+ * package of several model files, which is the service's to read. A worker has no parser of XML, and the format's
+ * elements for a mesh have nothing but attributes.
  */
 export function threemf(data: ArrayBuffer): Packed | null {
   const parts = Object.values(
@@ -18,17 +22,34 @@ export function threemf(data: ArrayBuffer): Packed | null {
   const [model] = parts;
   if (model === undefined || parts.length > 1) return null;
   const text = strFromU8(model);
-  const items = elements(text, 'item');
-  const bodies = elements(text, 'mesh').length;
-  if (bodies !== 1 || items.length !== 1 || elements(text, 'component').length > 0) return null;
-  const place = placement(items[0] ?? '');
-  const positions = elements(text, 'vertex').flatMap((vertex) =>
-    place(['x', 'y', 'z'].map((axis) => Number(attribute(vertex, axis)))),
+  const objects = new Map(
+    (text.match(OBJECT) ?? []).map((object) => [attribute(object, 'id') ?? '', object] as const),
   );
-  const index = elements(text, 'triangle').flatMap((triangle) =>
-    ['v1', 'v2', 'v3'].map((corner) => Number(attribute(triangle, corner))),
-  );
-  return { positions, index };
+  const packed: Packed = { positions: [], index: [] };
+  for (const item of elements(text, 'item')) build(objects, item, (point) => point, packed, 0);
+  return packed;
+}
+
+const OBJECT = /<(?:\w+:)?object(?=[\s>])[\s\S]*?<\/(?:\w+:)?object>/g;
+
+/** Put in what an item or a component names. */
+function build(
+  objects: ReadonlyMap<string, string>,
+  reference: string,
+  outer: Place,
+  packed: Packed,
+  depth: number,
+): void {
+  const object = objects.get(attribute(reference, 'objectid') ?? '');
+  if (object === undefined || depth > DEEPEST) return;
+  const inner = placement(reference);
+  const place: Place = (point) => outer(inner(point));
+  const first = packed.positions.length / 3;
+  for (const vertex of elements(object, 'vertex'))
+    packed.positions.push(...place(['x', 'y', 'z'].map((axis) => Number(attribute(vertex, axis)))));
+  for (const triangle of elements(object, 'triangle'))
+    for (const corner of ['v1', 'v2', 'v3']) packed.index.push(first + Number(attribute(triangle, corner)));
+  for (const component of elements(object, 'component')) build(objects, component, place, packed, depth + 1);
 }
 
 function elements(text: string, name: string): string[] {
@@ -40,9 +61,9 @@ function attribute(element: string, name: string): string | undefined {
 }
 
 /** Return what an item's `transform` does to a point: twelve numbers, by rows, the last row moves. */
-function placement(item: string): (point: readonly number[]) => number[] {
+function placement(item: string): Place {
   const matrix = attribute(item, 'transform')?.trim().split(/\s+/).map(Number);
-  if (matrix === undefined) return (point) => [...point];
+  if (matrix === undefined) return (point) => point;
   return (point) =>
     [0, 1, 2].map((column) =>
       [...point, 1].reduce((sum, value, row) => sum + value * (matrix[3 * row + column] ?? NaN), 0),

@@ -1,4 +1,5 @@
 import { html, nothing, type TemplateResult } from 'lit-html';
+import type { JobRequest } from '../api/client';
 import type { Job } from '../api/types';
 import { FIELDS } from '../core/colormap';
 import { ago } from '../core/format';
@@ -154,14 +155,18 @@ export class JobView implements View {
         <h2>Share</h2>
         <div class="actions">
           ${this.button('link', 'Copy link', () => void this.copied(new URL(formatRoute(this.route), location.href).href, 'Link copied'))}
-          ${this.button('copy', 'curl', () => void this.copied(curl(location.origin, requestOf(job)), 'Copied as curl'))}
-          ${this.button('copy', 'Python', () => void this.copied(python(location.origin, requestOf(job)), 'Copied as Python'))}
+          ${this.button('copy', 'curl', () => void this.copied(curl(location.origin, this.request(job)), 'Copied as curl'))}
+          ${this.button('copy', 'Python', () => void this.copied(python(location.origin, this.request(job)), 'Copied as Python'))}
           ${this.button('copy', 'Embed', () => void this.copied(this.frame(), 'Copied as HTML'))}
         </div>
         <p class="hint">The link opens this state, camera and colouring.</p>
       </section>
       ${stage.problem && !stage.problem.passing ? problemCard(stage.problem, null) : nothing}
       ${this.compareWith(context.jobs.jobs.filter((other) => other.id !== job.id))}`;
+  }
+
+  private request(job: Job): JobRequest {
+    return requestOf(job, this.context.catalogue.parameters?.defaults[job.preset] ?? null);
   }
 
   private actions(job: Job): TemplateResult {
