@@ -6,7 +6,7 @@ import re
 import shutil
 from pathlib import Path
 
-from playwright.sync_api import ConsoleMessage, Locator, Page, expect
+from playwright.sync_api import ConsoleMessage, Locator, Page, Worker, expect
 
 from tests.architecture.source import ROOT
 
@@ -71,6 +71,12 @@ def settled(page: Page) -> None:
     expect(page.locator(".viewer canvas").first).to_be_visible(timeout=LIMIT_MS)
     expect(page.locator(".note", has_text="Loading")).to_have_count(0, timeout=LIMIT_MS)
     expect(page.locator(".readout", has_text="loading")).to_have_count(0, timeout=LIMIT_MS)
+    expect(page.locator(".viewer:not([data-drawn=yes])")).to_have_count(0, timeout=LIMIT_MS)
+
+
+def worker(page: Page, name: str) -> Worker:
+    """Return a worker of the page by its name: "reading" or "drawing"."""
+    return next(one for one in page.workers if one.evaluate("self.name") == name)
 
 
 def iteration(page: Page) -> int:

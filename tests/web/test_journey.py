@@ -90,7 +90,7 @@ def test_from_a_file_to_a_shared_link(
     expect(page.get_by_role("button", name="Play")).to_be_visible()
 
     # the chart leads there too; what is written below it is drawn, so it is heard as it is drawn
-    assert str(states[-1]) in page.evaluate("window.written.slice(-40)")
+    wait_for(lambda: str(states[-1]) in page.evaluate("window.written.slice(-40)"), what="the last iteration")
     page.keyboard.press("Home")
     plot = page.locator(".u-over").bounding_box()
     assert plot is not None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 import signal
 
 import httpx
@@ -14,7 +15,7 @@ from playwright.sync_api import Page, Route, expect
 from tests.e2e.api import Api
 from tests.e2e.test_readme import BOX_WITHOUT_A_LID
 from tests.stack import QUICK, Stack, started_stack, wait_for
-from tests.web.browser import Complaints, iteration, settled, status
+from tests.web.browser import Complaints, iteration, settled, status, worker
 
 NETWORK = r"Failed to load resource: (net::ERR|the server responded with a status of (404|410|422|503))"
 
@@ -98,20 +99,31 @@ def test_an_address_of_nothing_says_so(page: Page, complaints: Complaints, stack
     expect(page.get_by_role("alert")).to_contain_text("job_01K5Z9Q8M4T6V2X0Y7R3N1W5BC")
 
 
+CONTEXTS = """() => {
+  self.contexts = [];
+  const made = OffscreenCanvas.prototype.getContext;
+  OffscreenCanvas.prototype.getContext = function (...how) {
+    const context = made.apply(this, how);
+    if (how[0] === 'webgl2' && this.width > 192) self.contexts.push(context); // no thumbnails
+    return context;
+  };
+}"""
+
+
 def test_a_lost_picture_comes_back(page: Page, stack: Stack, run: str) -> None:
     page.goto(f"{stack.url}/?job={run}&it=5&up=z")
     settled(page)
+    drawing = worker(page, "drawing")
+    drawing.evaluate(CONTEXTS)
+    page.get_by_role("link", name="Spherify").click()
+    page.go_back()  # to a canvas whose context is known
+    settled(page)
     canvas = page.locator(".viewer canvas")
     before = canvas.screenshot()
-    page.evaluate(
-        """() => {
-          const gl = document.querySelector('.viewer canvas').getContext('webgl2');
-          window.loss = gl.getExtension('WEBGL_lose_context');
-          window.loss.loseContext();
-        }"""
-    )
+    drawing.evaluate("self.loss = self.contexts.at(-1).getExtension('WEBGL_lose_context')")
+    drawing.evaluate("self.loss.loseContext()")
     expect(page.locator(".note")).to_contain_text("took the picture away")
-    page.evaluate("window.loss.restoreContext()")
+    drawing.evaluate("self.loss.restoreContext()")
     expect(page.locator(".note")).to_have_count(0)
     wait_for(lambda: difference(before, canvas.screenshot()) < 1, what="the same picture again")
 
@@ -139,7 +151,7 @@ def test_a_service_that_was_restarted_in_mid_run_is_found_again(
 
         def shown() -> int:
             text = page.locator(".going span").first.inner_text()
-            return int(text.split(" of")[0].replace("\u2009", ""))
+            return int(re.sub(r"\D", "", text.split(" of")[0]))  # five digits are grouped
 
         wait_for(lambda: shown() > reached, limit_s=60, what="the run goes on before our eyes")
         page.get_by_role("button", name="Cancel", exact=True).click()

@@ -2,6 +2,7 @@ import { html, nothing, render, type TemplateResult } from 'lit-html';
 import { Catalogue } from './api/catalogue';
 import { Api } from './api/client';
 import { asProblem } from './api/problem';
+import { withNextFrame } from './core/frame';
 import { formatRoute, parseRoute, type Route } from './core/route';
 import { MeshWorker } from './mesh/pool';
 import { takeDrops } from './ui/dropzone';
@@ -23,7 +24,6 @@ export class App {
   private readonly toasts: Toasts;
   private route: Route = { view: 'home' };
   private view: View;
-  private pending = false;
   private menu = false;
 
   constructor(private readonly root: HTMLElement) {
@@ -143,15 +143,10 @@ export class App {
     this.refresh();
   }
 
-  private refresh(): void {
-    if (this.pending) return;
-    this.pending = true;
-    requestAnimationFrame(() => {
-      this.pending = false;
-      document.title = this.view.title === 'Spherify' ? 'Spherify' : `${this.view.title} · Spherify`;
-      render(this.page(), this.root);
-    });
-  }
+  private readonly refresh = withNextFrame(() => {
+    document.title = this.view.title === 'Spherify' ? 'Spherify' : `${this.view.title} · Spherify`;
+    render(this.page(), this.root);
+  });
 
   private page(): TemplateResult {
     const { jobs } = this.context;

@@ -1,5 +1,6 @@
 import { html, nothing, render } from 'lit-html';
 import { Api } from './api/client';
+import { withNextFrame } from './core/frame';
 import { packed, readCommand } from './core/message';
 import { formatRoute, parseRoute, type Look, type Shown } from './core/route';
 import { MeshWorker } from './mesh/pool';
@@ -20,9 +21,7 @@ import { Stage } from './views/stage';
 function open(root: HTMLElement, shown: Shown, look: Look): void {
   const context = { api: new Api(), worker: new MeshWorker(), toast: () => undefined };
   const stage = new Stage(context, shown.job, shown.iteration, look, true);
-  let pending = 0;
   const draw = (): void => {
-    pending = 0;
     const { run } = stage;
     const iteration = stage.following ? null : Math.round(stage.at);
     const whole = formatRoute({ view: 'job', shown: { job: stage.job, iteration }, look: stage.look });
@@ -44,9 +43,7 @@ function open(root: HTMLElement, shown: Shown, look: Look): void {
     const report = { job: stage.job, iteration: Math.round(stage.at), status, playing: stage.player.playing };
     if (parent !== window) parent.postMessage(packed(report), '*'); // any page may embed, and nothing here is secret
   };
-  stage.onChange(() => {
-    pending ||= requestAnimationFrame(draw);
-  });
+  stage.onChange(withNextFrame(draw));
   addEventListener('message', (event: MessageEvent<unknown>) => {
     const command = event.source === parent ? readCommand(event.data) : null;
     if (!command) return;

@@ -1,4 +1,5 @@
 import { Emitter } from '../core/emitter';
+import { withNextFrame } from '../core/frame';
 import { afterEvent, withRows, type RunEvent, type RunState } from '../core/job';
 import type { Api } from './client';
 import { Follow, type Connection } from './follow';
@@ -12,6 +13,10 @@ export class Run extends Emitter {
   state: RunState | null = null;
   problem: Problem | null = null;
   connection: Connection = 'ended';
+  /** Events come in bunches; who listens is told once a frame. */
+  private readonly news = withNextFrame(() => {
+    if (!this.closed) this.changed();
+  });
   private follow: Follow | null = null;
   private timer: ReturnType<typeof setTimeout> | undefined;
   private closed = false;
@@ -74,7 +79,7 @@ export class Run extends Emitter {
     this.state = afterEvent(before, event);
     if (this.state === before) return;
     if (this.state.job.done && !before.job.done) void this.series();
-    this.changed();
+    this.news();
   }
 
   /** Fetch the whole time series: events bring two rows a second, and the service has every iteration. */

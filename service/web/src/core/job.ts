@@ -44,8 +44,11 @@ export function afterEvent(state: RunState, event: RunEvent): RunState {
 /** Take a newer record of the job over. */
 export function withJob(state: RunState, job: Job): RunState {
   if (job.rev < state.job.rev) return state;
-  let states = state.states;
-  for (const iteration of job.snapshots.available) states = withState(states, iteration);
+  const { available } = job.snapshots;
+  const known = new Set(state.states);
+  const states = available.every((iteration) => known.has(iteration))
+    ? state.states
+    : [...new Set([...state.states, ...available])].sort((a, b) => a - b);
   return { ...state, job, states };
 }
 
@@ -56,6 +59,7 @@ export function withRows(state: RunState, rows: readonly Row[]): RunState {
 }
 
 function withState(states: readonly number[], iteration: number): readonly number[] {
+  if (iteration > (states.at(-1) ?? -1)) return [...states, iteration]; // as they come, but for a run taken up again
   if (states.includes(iteration)) return states;
   return [...states, iteration].sort((a, b) => a - b);
 }

@@ -1,96 +1,129 @@
 import { Problem } from '../api/problem';
 import { ByteBudget } from '../core/budget';
-import { FIELD_INFO, type Field } from '../core/colormap';
+import { FIELD_INFO, type Field, type Range } from '../core/colormap';
 import type { MeshWorker } from './pool';
-import type { Drawable, Values } from './tasks';
+import type { Drawable } from './tasks';
 import { bytesOf, type Frame } from './types';
 
 /** Above this many vertices positions come as 16-bit numbers: half the bytes, and no difference to see. */
 const EXACT_VERTICES = 100_000;
 export const BUDGET_BYTES = 256 * 1024 * 1024;
 
-/** The states of one job as they are drawn: fetched when wanted, kept within a number of bytes. */
+/** Takes what is to be drawn, and keeps it until it is to be dropped: the worker that draws, by way of a viewer. */
+export interface Store {
+  keep(key: string, numbers: Frame | Float32Array<ArrayBuffer>): void;
+  drop(key: string): void;
+}
+
+interface Kept {
+  readonly key: string;
+  /** Of a quantity; null for positions. */
+  readonly range: Range | null;
+}
+
+/**
+ * The states of one job as they are drawn: fetched when wanted, kept within a number of bytes. Here are their names;
+ * their numbers go from the worker that reads them to the one that draws.
+ */
 export class Frames {
-  private readonly key: string;
-  private readonly kept: ByteBudget<Frame | Values>;
-  private readonly coming = new Map<string, Promise<Frame | Values>>();
+  private readonly run: string;
+  private readonly kept: ByteBudget<Kept>;
+  private readonly coming = new Map<string, Promise<void>>();
   private exact = true;
   private static made = 0;
 
   constructor(
-    private readonly worker: MeshWorker,
+    private readonly worker: Pick<MeshWorker, 'ask'>,
     private readonly job: string,
+    private readonly store: Store,
     budget = BUDGET_BYTES,
   ) {
-    this.key = `${job}#${++Frames.made}`; // two views of a job do not forget each other's
-    this.kept = new ByteBudget(budget);
+    this.run = `${job}#${++Frames.made}`; // two views of a job do not forget each other's
+    this.kept = new ByteBudget(budget, ({ key }) => {
+      store.drop(key);
+    });
   }
 
-  /** Fetch the triangles, and the state at iteration 0 with them. */
-  async open(first: number): Promise<Drawable> {
+  /** Bytes that the store holds now. */
+  get bytes(): number {
+    return this.kept.bytes;
+  }
+
+  /** Fetch the triangles and a first state, which `load` is to put into the store under a key. */
+  async open(first: number, load: (drawable: Drawable, key: string) => void): Promise<void> {
     const drawable = await this.worker.ask('topology', {
-      key: this.key,
+      key: this.run,
       faces: `/v1/jobs/${this.job}/topology`,
       positions: `/v1/jobs/${this.job}/snapshots/${first}/positions?dtype=f32`,
     });
     this.exact = drawable.triangles / 2 <= EXACT_VERTICES;
-    this.kept.set(`frame ${first}`, drawable.frame, bytesOf(drawable.frame));
-    return drawable;
+    const key = frameKey(first);
+    this.kept.set(key, { key, range: null }, bytesOf(drawable.frame)); // makes room first
+    load(drawable, key);
   }
 
-  /** Return a state if it is here. */
-  frame(iteration: number): Frame | undefined {
-    return this.kept.get(`frame ${iteration}`) as Frame | undefined;
+  /** Return the key of a state if it is here. */
+  frame(iteration: number): string | undefined {
+    return this.kept.get(frameKey(iteration))?.key;
   }
 
-  /** Return a quantity of a state if it is here. */
-  values(iteration: number, field: Field): Values | undefined {
-    return this.kept.get(`${field} ${iteration}`) as Values | undefined;
+  /** Return the key and the range of a quantity of a state if it is here. */
+  values(iteration: number, field: Field): { readonly key: string; readonly range: Range } | undefined {
+    const found = this.kept.get(fieldKey(iteration, field));
+    return found?.range ? { key: found.key, range: found.range } : undefined;
   }
 
   /** Fetch a state, and the quantity it is coloured by. */
   async load(iteration: number, field: Field | null): Promise<void> {
-    const wanted = [this.once(`frame ${iteration}`, () => this.fetchFrame(iteration))];
+    const wanted = [this.once(frameKey(iteration), (key) => this.fetchFrame(iteration, key))];
     if (field !== null)
-      wanted.push(this.once(`${field} ${iteration}`, () => this.fetchField(iteration, field)));
+      wanted.push(this.once(fieldKey(iteration, field), (key) => this.fetchField(iteration, field, key)));
     await Promise.all(wanted);
   }
 
   has(iteration: number, field: Field | null): boolean {
-    return this.kept.has(`frame ${iteration}`) && (field === null || this.kept.has(`${field} ${iteration}`));
+    const values = field === null || this.kept.has(fieldKey(iteration, field));
+    return values && this.kept.has(frameKey(iteration));
   }
 
   close(): void {
     this.kept.clear();
-    void this.worker.ask('forget', { key: this.key });
+    void this.worker.ask('forget', { key: this.run });
   }
 
-  private async once(key: string, make: () => Promise<Frame | Values>): Promise<void> {
+  private async once(key: string, fetch: (key: string) => Promise<void>): Promise<void> {
     if (this.kept.has(key)) return;
     let promise = this.coming.get(key);
     if (promise === undefined) {
-      promise = make();
+      promise = fetch(key).finally(() => this.coming.delete(key));
       this.coming.set(key, promise);
     }
-    try {
-      const made = await promise;
-      const bytes = 'positions' in made ? bytesOf(made) : made.values.byteLength;
-      if (!this.kept.has(key)) this.kept.set(key, made, bytes);
-    } finally {
-      this.coming.delete(key);
-    }
+    await promise;
   }
 
-  private fetchFrame(iteration: number): Promise<Frame> {
+  private async fetchFrame(iteration: number, key: string): Promise<void> {
     const dtype = this.exact ? 'f32' : 'u16';
     const url = `/v1/jobs/${this.job}/snapshots/${iteration}/positions?dtype=${dtype}`;
-    return this.worker.ask('frame', { key: this.key, url, exact: this.exact });
+    const frame = await this.worker.ask('frame', { key: this.run, url, exact: this.exact });
+    this.kept.set(key, { key, range: null }, bytesOf(frame));
+    this.store.keep(key, frame);
   }
 
-  private fetchField(iteration: number, field: Field): Promise<Values> {
+  private async fetchField(iteration: number, field: Field, key: string): Promise<void> {
     const url = `/v1/jobs/${this.job}/snapshots/${iteration}/fields/${field}`;
-    return this.worker.ask('field', { key: this.key, url, diverging: FIELD_INFO[field].diverging });
+    const { diverging } = FIELD_INFO[field];
+    const { values, range } = await this.worker.ask('field', { key: this.run, url, diverging });
+    this.kept.set(key, { key, range }, values.byteLength);
+    this.store.keep(key, values);
   }
+}
+
+function frameKey(iteration: number): string {
+  return `frame ${iteration}`;
+}
+
+function fieldKey(iteration: number, field: Field): string {
+  return `${field} ${iteration}`;
 }
 
 /** Whether a failure to load will pass by itself. */

@@ -3,7 +3,10 @@ import type { Failure, TaskName, Tasks } from './tasks';
 
 /** Asks the worker; one for the page is enough, as what it waits for most is the network. */
 export class MeshWorker {
-  private readonly worker = new Worker(new URL('./worker.ts', import.meta.url), { type: 'module' });
+  private readonly worker = new Worker(new URL('./worker.ts', import.meta.url), {
+    type: 'module',
+    name: 'reading',
+  });
   private readonly waiting = new Map<
     number,
     { resolve: (answer: never) => void; reject: (reason: Error) => void }

@@ -29,10 +29,13 @@ const SERIES: readonly Series[] = [
   { title: 'Step', meaning: 'the length C in use, in units of the file', of: (row) => number(row.step) },
 ];
 
+const PAUSE_MS = 300; // between two drawings of a run that goes on
+
 /** The figures of a run against its iterations; a click goes there. */
 export class Chart {
   readonly element = document.createElement('div');
   private readonly canvas = document.createElement('div');
+  private readonly mark = document.createElement('div');
   private readonly head = document.createElement('div');
   private readonly sizes: ResizeObserver;
   private readonly offTheme: () => void;
@@ -41,11 +44,12 @@ export class Chart {
   private rows: readonly Row[] = [];
   private scale: Scale | null = null;
   private at = 0;
-  private moved = false; // the scale, since the axes were drawn
+  private timer: ReturnType<typeof setTimeout> | undefined;
 
   constructor(private readonly seek: (iteration: number) => void) {
     this.element.className = 'chart';
     this.canvas.className = 'plot';
+    this.mark.className = 'here';
     this.element.append(this.head, this.canvas);
     this.sizes = new ResizeObserver(() => {
       this.plot?.setSize(this.size());
@@ -62,18 +66,20 @@ export class Chart {
     if (same && rows === this.rows) return;
     this.rows = rows;
     this.scale = scale;
-    this.moved ||= !same;
+    this.stand(this.at);
     if (this.plot === null) this.build();
-    else this.plot.setData(this.columns());
+    else this.timer ??= setTimeout(this.redraw, PAUSE_MS);
   }
 
-  /** Mark where one stands, and write other iterations below once the scale is another: its places stay 0 to 1. */
+  /** Mark where one stands. The mark is no part of the drawing, as it moves with every frame. */
   stand(iteration: number): void {
     this.at = iteration;
-    this.plot?.redraw(false, this.moved); // drawn a little later, and the last call decides on the axes
+    const place = this.scale?.place(iteration) ?? 0;
+    this.mark.style.left = `${100 * place}%`;
   }
 
   dispose(): void {
+    clearTimeout(this.timer);
     this.sizes.disconnect();
     this.offTheme();
     this.plot?.destroy();
@@ -99,6 +105,13 @@ export class Chart {
     );
     this.build();
   }
+
+  /** Draw what is new, and write other iterations below: the scale's places stay 0 to 1. */
+  private readonly redraw = (): void => {
+    this.timer = undefined;
+    this.plot?.setData(this.columns());
+    this.plot?.redraw(false, true);
+  };
 
   private columns(): uPlot.AlignedData {
     const { scale, rows } = this;
@@ -145,14 +158,9 @@ export class Chart {
           { ...axis, size: 48, gap: 4, values: (_, values) => values.map((value) => figure(value, 3)) },
         ],
         hooks: {
-          draw: [
-            (plot) => {
-              this.moved = false;
-              this.mark(plot);
-            },
-          ],
           ready: [
             (plot) => {
+              plot.over.append(this.mark);
               this.listen(plot);
             },
           ],
@@ -167,20 +175,6 @@ export class Chart {
   private ticks(): [number, number][] {
     const { scale } = this;
     return scale === null ? [] : ticks(scale, 4).map((tick) => [scale.place(tick), tick]);
-  }
-
-  private mark(plot: uPlot): void {
-    const { ctx, bbox } = plot;
-    if (!this.scale) return;
-    const x = Math.round(plot.valToPos(this.scale.place(this.at), 'x', true));
-    ctx.save();
-    ctx.strokeStyle = cssColour('--ink');
-    ctx.lineWidth = devicePixelRatio;
-    ctx.beginPath();
-    ctx.moveTo(x, bbox.top);
-    ctx.lineTo(x, bbox.top + bbox.height);
-    ctx.stroke();
-    ctx.restore();
   }
 
   private listen(plot: uPlot): void {

@@ -1,14 +1,15 @@
-import { PerspectiveCamera, Quaternion, Spherical, Vector3 } from 'three';
+import { PerspectiveCamera, Vector3 } from 'three';
 import { OrbitControls } from 'three/addons/controls/OrbitControls.js';
+import { axisOf, eyeOf, fieldOfView, FRONT, viewOf } from '../core/camera';
 import type { CameraView, Up } from '../core/route';
+import { reducedMotion } from '../ui/theme';
 
-/** Where one looks from at first: a little from above, a little from the side. */
-export const FRONT: CameraView = { azimuth: 0.65, elevation: 0.38, distance: 3.1, target: [0, 0, 0] };
-const Y = new Vector3(0, 1, 0);
+const NEAREST = 0.3;
+const FARTHEST = 20;
 
-/** A camera on an orbit, and its place as the numbers that an address holds. */
+/** A camera on an orbit that pointers, fingers and keys move; its place as the numbers that an address holds. */
 export class OrbitCamera {
-  readonly camera = new PerspectiveCamera(38, 1, 0.01, 100);
+  private readonly camera = new PerspectiveCamera();
   private controls: OrbitControls;
   private upright: Up = 'y';
 
@@ -30,7 +31,7 @@ export class OrbitCamera {
     if (up === this.upright) return;
     const view = this.view;
     this.upright = up;
-    this.camera.up.set(0, up === 'y' ? 1 : 0, up === 'z' ? 1 : 0);
+    this.camera.up.set(...axisOf(up));
     this.controls.dispose();
     this.controls = this.control(); // it takes the axis when it is made
     this.controls.addEventListener('change', this.moved);
@@ -38,17 +39,12 @@ export class OrbitCamera {
   }
 
   get view(): CameraView {
-    const offset = this.camera.position.clone().sub(this.controls.target).applyQuaternion(this.toY());
-    const { radius, phi, theta } = new Spherical().setFromVector3(offset);
-    const { x, y, z } = this.controls.target;
-    return { azimuth: theta, elevation: Math.PI / 2 - phi, distance: radius, target: [x, y, z] };
+    return viewOf(numbers(this.camera.position), numbers(this.controls.target), this.upright);
   }
 
-  set view({ azimuth, elevation, distance, target }: CameraView) {
-    this.controls.target.set(...target);
-    const phi = Math.PI / 2 - Math.min(Math.max(elevation, -1.57), 1.57);
-    const offset = new Vector3().setFromSpherical(new Spherical(distance, phi, azimuth));
-    this.camera.position.copy(offset.applyQuaternion(this.toY().invert())).add(this.controls.target);
+  set view(view: CameraView) {
+    this.controls.target.set(...view.target);
+    this.camera.position.set(...eyeOf(view, this.upright));
     this.controls.update();
   }
 
@@ -59,14 +55,15 @@ export class OrbitCamera {
       ...view,
       azimuth: view.azimuth + azimuth,
       elevation: view.elevation + elevation,
-      distance: Math.min(Math.max(view.distance * zoom, 0.3), 20),
+      distance: Math.min(Math.max(view.distance * zoom, NEAREST), FARTHEST),
     };
     this.moved();
   }
 
+  /** Dragging moves the shape with the pointer, which depends on how large it is drawn. */
   resize(width: number, height: number): void {
     this.camera.aspect = width / Math.max(height, 1);
-    this.camera.fov = this.camera.aspect < 1 ? 38 / Math.max(this.camera.aspect, 0.55) : 38; // a phone: show all of it
+    this.camera.fov = fieldOfView(this.camera.aspect);
     this.camera.updateProjectionMatrix();
   }
 
@@ -79,16 +76,16 @@ export class OrbitCamera {
     this.controls.dispose();
   }
 
-  private toY(): Quaternion {
-    return new Quaternion().setFromUnitVectors(this.camera.up, Y);
-  }
-
   private control(): OrbitControls {
     const controls = new OrbitControls(this.camera, this.element);
-    controls.enableDamping = !matchMedia('(prefers-reduced-motion: reduce)').matches;
+    controls.enableDamping = !reducedMotion();
     controls.dampingFactor = 0.12;
-    controls.minDistance = 0.3;
-    controls.maxDistance = 20;
+    controls.minDistance = NEAREST;
+    controls.maxDistance = FARTHEST;
     return controls;
   }
+}
+
+function numbers({ x, y, z }: Vector3): [number, number, number] {
+  return [x, y, z];
 }

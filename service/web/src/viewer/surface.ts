@@ -1,18 +1,17 @@
 import { BufferAttribute, BufferGeometry, Mesh, type ShaderMaterial } from 'three';
-import type { Values } from '../mesh/tasks';
 import type { Frame } from '../mesh/types';
 import { SurfaceMaterial, wireMaterial } from './material';
 
 /** A state with the quantity it is coloured by, if there is one. */
 export interface Coloured {
   readonly frame: Frame;
-  readonly values: Values | null;
+  readonly values: Float32Array<ArrayBuffer> | null;
 }
 
 /** Room on the graphics card for one state: its size never changes, whatever is shown. */
 class Slot {
   private frame: Frame | null = null;
-  private values: Values | null = null;
+  private values: Float32Array | null = null;
   private readonly position: BufferAttribute;
   private readonly shade: BufferAttribute;
   private readonly value: BufferAttribute;
@@ -34,7 +33,7 @@ class Slot {
     }
     if (values !== null && values !== this.values) {
       this.values = values;
-      exchange(this.value, values.values);
+      exchange(this.value, values);
     }
   }
 }
@@ -54,6 +53,12 @@ export class Paints {
   readonly clay = new SurfaceMaterial();
   readonly lines: ShaderMaterial = wireMaterial(this.clay);
 
+  /** Of the lines. */
+  set opacity(opacity: number) {
+    const { uniforms } = this.lines;
+    if (uniforms.opacity) uniforms.opacity.value = opacity;
+  }
+
   dispose(): void {
     this.clay.dispose();
     this.lines.dispose();
@@ -65,6 +70,7 @@ export class SurfaceMesh {
   private readonly geometry = new BufferGeometry();
   readonly mesh: Mesh;
   readonly wire: Mesh;
+  readonly triangles: number;
   private readonly before: Slot;
   private readonly after: Slot;
 
@@ -74,6 +80,7 @@ export class SurfaceMesh {
     index: Uint32Array,
     vertices: number,
   ) {
+    this.triangles = index.length / 3;
     this.mesh = new Mesh(this.geometry, paints.clay);
     this.wire = new Mesh(this.geometry, paints.lines);
     this.geometry.setIndex(new BufferAttribute(index, 1));

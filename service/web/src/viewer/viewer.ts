@@ -1,15 +1,32 @@
-import { Group, Scene, WebGLRenderer } from 'three';
 import type { Location } from '../api/types';
+import { poseOf } from '../core/camera';
 import type { CameraView, Up } from '../core/route';
-import type { Faults } from '../mesh/faults';
-import type { Drawable } from '../mesh/tasks';
+import type { Drawable, Located } from '../mesh/tasks';
+import type { Frame } from '../mesh/types';
+import type { DrawingState, Scene, Told } from './asks';
 import { OrbitCamera } from './camera';
-import { FaultLines } from './faultlines';
-import { Paints, SurfaceMesh, type Coloured } from './surface';
+import { drawsInWorkers, Remote } from './remote';
 
-export type ViewerState = 'ready' | 'lost' | 'unsupported';
+const TURNS: Readonly<Record<string, readonly [number, number, number]>> = {
+  ArrowLeft: [-0.12, 0, 1],
+  ArrowRight: [0.12, 0, 1],
+  ArrowUp: [0, 0.12, 1],
+  ArrowDown: [0, -0.12, 1],
+  '+': [0, 0, 0.9],
+  '=': [0, 0, 0.9],
+  '-': [0, 0, 1.11],
+};
+const PLAIN: Pick<Scene, 'states' | 'colours' | 'wire' | 'facets'> = {
+  states: null,
+  colours: null,
+  wire: false,
+  facets: false,
+};
 
-/** A canvas with one surface, drawn when something has changed and at no other time. */
+/**
+ * A canvas with one surface and its camera. A worker draws it, when something has changed and at no other time; while
+ * it draws, what changes is gathered for the next picture, so that none wait in a queue.
+ */
 export class Viewer {
   readonly element: HTMLDivElement;
   readonly camera: OrbitCamera;
@@ -17,42 +34,37 @@ export class Viewer {
   onRest: (view: CameraView) => void = () => undefined;
   /** Told of every movement, for a second viewer to follow. */
   onMove: (view: CameraView) => void = () => undefined;
-  onState: (state: ViewerState) => void = () => undefined;
-  state: ViewerState = 'ready';
+  onState: (state: DrawingState) => void = () => undefined;
+  state: DrawingState = 'ready';
 
   private readonly canvas = document.createElement('canvas');
-  private readonly renderer: WebGLRenderer | null;
-  private readonly scene = new Scene();
-  private readonly frame = new Group();
+  private readonly remote: Remote | null;
   private readonly sizes: ResizeObserver;
-  private readonly paints = new Paints();
-  private surface: SurfaceMesh | null = null;
-  private faults: FaultLines | null = null;
+  private size = { width: 0, height: 0, ratio: 1 };
+  private scene = PLAIN;
   private request = 0;
+  private drawing = false;
+  private stale = false; // something changed while a picture was drawn
   private rest: ReturnType<typeof setTimeout> | undefined;
 
-  /** @param fixed width and height in pixels of a canvas that stands on no page; else it fills its element. */
-  constructor(label: string, fixed: number | null = null) {
+  constructor(label: string) {
     this.element = document.createElement('div');
     this.element.className = 'viewer';
     this.canvas.tabIndex = 0;
     this.canvas.setAttribute('role', 'img');
     this.describe(label);
     this.element.append(this.canvas);
-    this.renderer = this.start();
     this.camera = new OrbitCamera(this.canvas, () => {
       this.invalidate();
       this.settle();
     });
-    this.scene.add(this.frame);
-    this.canvas.addEventListener('webglcontextlost', this.lose);
-    this.canvas.addEventListener('webglcontextrestored', this.restore);
+    this.remote = drawsInWorkers() ? new Remote(this.canvas.transferControlToOffscreen(), this.hear) : null;
+    if (this.remote === null) this.state = 'unsupported'; // which the views say in words
     this.canvas.addEventListener('keydown', this.key);
     this.sizes = new ResizeObserver(() => {
       this.resize();
     });
-    if (fixed === null) this.sizes.observe(this.element);
-    else this.fit(fixed, fixed);
+    this.sizes.observe(this.element);
   }
 
   /** Say what is shown to those who cannot see it. */
@@ -63,43 +75,42 @@ export class Viewer {
     );
   }
 
-  /** Put another surface in, scaled to a ball of radius 1 around the origin. */
-  load({ index, frame, bounds }: Drawable): void {
-    this.clear();
-    this.surface = new SurfaceMesh(this.paints, index, frame.positions.length / 3);
-    this.surface.show({ frame, values: null }, { frame, values: null }, 0);
-    this.place(bounds);
-    this.frame.add(this.surface.mesh, this.surface.wire);
+  /** Put another surface in; its first state, which is handed over, is `key` from then on. */
+  load({ index, frame, bounds }: Drawable, key = 'first'): void {
+    this.scene = { ...this.scene, states: null };
+    this.remote?.send({ ask: 'load', index, key, frame, bounds }, [index.buffer, ...buffersOf(frame)]);
     this.invalidate();
+  }
+
+  /** Hand over a state of the surface, or a quantity, for `show` to name. */
+  keep(key: string, numbers: Frame | Float32Array<ArrayBuffer>): void {
+    this.remote?.send({ ask: 'keep', key, numbers }, buffersOf(numbers));
+  }
+
+  drop(key: string): void {
+    this.remote?.send({ ask: 'drop', key });
   }
 
   /** Draw what is wrong with the surface; it may stand alone, if there is no preview. */
-  mark(faults: Faults | null, places: readonly Location[], positions: Float32Array | null): void {
-    this.faults?.dispose();
-    if (this.faults) this.frame.remove(this.faults.group);
-    this.faults = new FaultLines(faults, places, positions);
-    this.frame.add(this.faults.group);
+  mark(faults: Located | null, places: readonly Location[]): void {
+    this.remote?.send({ ask: 'mark', faults, places, positions: faults?.positions ?? null });
     this.invalidate();
   }
 
-  show(before: Coloured, after: Coloured, blend: number): void {
-    this.surface?.show(before, after, blend);
-    this.invalidate();
+  show(states: Scene['states']): void {
+    this.put({ states });
   }
 
-  colours(range: { low: number; high: number; diverging: boolean } | null): void {
-    this.paints.clay.colours(range);
-    this.invalidate();
+  colours(colours: Scene['colours']): void {
+    this.put({ colours });
   }
 
-  set wire(shown: boolean) {
-    if (this.surface) this.surface.wire.visible = shown;
-    this.invalidate();
+  set wire(wire: boolean) {
+    this.put({ wire });
   }
 
-  set facets(flat: boolean) {
-    this.paints.clay.facets = flat;
-    this.invalidate();
+  set facets(facets: boolean) {
+    this.put({ facets });
   }
 
   set up(up: Up) {
@@ -117,24 +128,10 @@ export class Viewer {
     this.invalidate();
   }
 
-  /** Return the picture, drawn anew: the canvas does not keep what it showed. */
-  picture(type: 'image/png' | 'image/webp' = 'image/png'): Promise<Blob> {
-    this.draw();
-    return new Promise((resolve, reject) => {
-      this.canvas.toBlob((blob) => {
-        if (blob) resolve(blob);
-        else reject(new Error('the picture could not be made'));
-      }, type);
-    });
-  }
-
-  invalidate(): void {
-    this.request ||= requestAnimationFrame(() => {
-      this.request = 0;
-      const moving = this.camera.update();
-      this.draw();
-      if (moving) this.invalidate();
-    });
+  /** Return the picture as PNG. */
+  picture(): Promise<Blob> {
+    if (this.remote === null) return Promise.reject(new Error('this browser draws no pictures'));
+    return this.remote.picture(this.whole(), 'image/png');
   }
 
   dispose(): void {
@@ -142,91 +139,76 @@ export class Viewer {
     clearTimeout(this.rest);
     this.sizes.disconnect();
     this.camera.dispose();
-    this.clear();
-    this.paints.dispose();
-    this.canvas.removeEventListener('webglcontextlost', this.lose);
-    this.renderer?.dispose();
-    this.renderer?.forceContextLoss(); // a browser keeps but a few
+    this.remote?.close();
     this.element.remove();
   }
 
-  private start(): WebGLRenderer | null {
-    try {
-      const renderer = new WebGLRenderer({ canvas: this.canvas, antialias: true, alpha: true });
-      renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
-      renderer.setClearAlpha(0);
-      renderer.debug.checkShaderErrors = false; // asking stops the page until the compiler is done
-      return renderer;
-    } catch {
-      this.state = 'unsupported'; // which the views say in words
-      return null;
-    }
+  private put(change: Partial<typeof PLAIN>): void {
+    this.scene = { ...this.scene, ...change };
+    this.invalidate();
   }
 
-  private place({ centre, radius }: Drawable['bounds']): void {
-    this.frame.scale.setScalar(1 / radius);
-    this.frame.position.set(-centre[0] / radius, -centre[1] / radius, -centre[2] / radius);
+  private whole(): Scene {
+    const { size, scene, camera } = this;
+    return { ...scene, size, pose: poseOf(camera.view, camera.up, size.width / Math.max(size.height, 1)) };
+  }
+
+  /** Have it drawn with the next frame, or, if a picture is being drawn, after it. */
+  private invalidate(): void {
+    this.element.dataset.drawn = 'no';
+    if (this.drawing) this.stale = true;
+    else
+      this.request ||= requestAnimationFrame(() => {
+        this.request = 0;
+        this.draw();
+      });
   }
 
   private draw(): void {
-    if (this.state === 'ready') this.renderer?.render(this.scene, this.camera.camera);
+    if (this.remote === null || this.size.width === 0) return;
+    this.drawing = true;
+    this.stale = false;
+    if (this.camera.update()) this.stale = true; // a movement that runs out goes on
+    this.remote.send({ ask: 'draw', scene: this.whole() });
   }
+
+  private readonly hear = (told: Told): void => {
+    if (told.told === 'drawn') {
+      this.drawing = false;
+      if (this.stale) this.invalidate();
+      else this.element.dataset.drawn = 'yes';
+    } else if (told.told === 'state') {
+      this.state = told.state;
+      if (told.state === 'ready') this.invalidate();
+      this.onState(told.state);
+    }
+  };
 
   private resize(): void {
     const { clientWidth: width, clientHeight: height } = this.element;
     if (width === 0 || height === 0) return;
-    this.fit(width, height);
-    this.draw(); // at once: a resized canvas is empty
-  }
-
-  private fit(width: number, height: number): void {
-    this.renderer?.setSize(width, height, false);
+    this.size = { width, height, ratio: Math.min(devicePixelRatio, 2) };
     this.camera.resize(width, height);
+    this.invalidate();
   }
 
   private settle(): void {
-    const view = this.camera.view;
-    this.onMove(view);
+    this.onMove(this.camera.view);
     clearTimeout(this.rest);
     this.rest = setTimeout(() => {
       this.onRest(this.camera.view);
     }, 250);
   }
 
-  private clear(): void {
-    this.surface?.dispose();
-    this.faults?.dispose();
-    this.surface = null;
-    this.faults = null;
-    this.frame.clear();
-  }
-
-  private readonly lose = (event: Event): void => {
-    event.preventDefault(); // asks the browser to give it back
-    this.state = 'lost';
-    this.onState(this.state);
-  };
-
-  private readonly restore = (): void => {
-    this.state = 'ready';
-    this.onState(this.state);
-    this.invalidate(); // three sends everything again
-  };
-
   private readonly key = (event: KeyboardEvent): void => {
-    const turns: Readonly<Record<string, readonly [number, number, number]>> = {
-      ArrowLeft: [-0.12, 0, 1],
-      ArrowRight: [0.12, 0, 1],
-      ArrowUp: [0, 0.12, 1],
-      ArrowDown: [0, -0.12, 1],
-      '+': [0, 0, 0.9],
-      '=': [0, 0, 0.9],
-      '-': [0, 0, 1.11],
-    };
-    const turn = turns[event.key];
+    const turn = TURNS[event.key];
     if (!turn || event.ctrlKey || event.metaKey || event.altKey) return;
     event.preventDefault();
     event.stopPropagation(); // the arrows are the timeline's elsewhere
     this.camera.nudge(...turn);
   };
+}
+
+function buffersOf(numbers: Frame | Float32Array<ArrayBuffer>): ArrayBuffer[] {
+  return 'normals' in numbers ? [numbers.positions.buffer, numbers.normals.buffer] : [numbers.buffer];
 }

@@ -17,7 +17,8 @@ export class MeshView implements View {
   private readonly viewer = new Viewer('The mesh');
   private mesh: Mesh | null = null;
   private problem: Problem | null = null;
-  private drawn: Drawable | null = null;
+  /** How many triangles there are, and how many of them are drawn; null without a preview. */
+  private shown: { readonly drawn: number; readonly all: number } | null = null;
   private noPreview = false;
   private sent: number | null = null;
   private up: Up = 'y';
@@ -86,7 +87,7 @@ export class MeshView implements View {
   private panel(): TemplateResult {
     if (this.problem) {
       if (this.problem.report || this.problem.defects.length > 0)
-        return html`${refusal(this.problem, this.drawn !== null, (allow) => {
+        return html`${refusal(this.problem, this.shown !== null, (allow) => {
           if (this.source instanceof File) void this.send(this.source, allow);
         })}
         ${this.problem.report ? reportCard(this.name, this.problem.report) : nothing}`;
@@ -117,17 +118,16 @@ export class MeshView implements View {
   }
 
   private notes(): TemplateResult | typeof nothing {
-    const { drawn, noPreview } = this;
+    const { shown, noPreview } = this;
     if (this.viewer.state === 'unsupported')
       return html`<p class="note">This browser draws no WebGL: everything works but the picture.</p>`;
-    if (noPreview && !drawn)
+    if (noPreview && !shown)
       return html`<p class="note">
         ${this.problem ? 'No preview of this file.' : 'No preview of this file; the service reads it.'}
       </p>`;
-    if (drawn && drawn.index.length / 3 < drawn.triangles)
+    if (shown && shown.drawn < shown.all)
       return html`<p class="note">
-        Drawn with ${count(drawn.index.length / 3)} of ${count(drawn.triangles)} triangles; the run uses all
-        of them.
+        Drawn with ${count(shown.drawn)} of ${count(shown.all)} triangles; the run uses all of them.
       </p>`;
     return nothing;
   }
@@ -204,17 +204,17 @@ export class MeshView implements View {
   }
 
   private show(drawable: Drawable): void {
-    this.drawn = drawable;
+    this.shown = { drawn: drawable.index.length / 3, all: drawable.triangles };
     this.viewer.load(drawable);
     this.viewer.describe(`${this.name}, ${count(drawable.triangles)} triangles`);
   }
 
   /** Draw the faults once it is known that the mesh is refused. */
   private async mark(): Promise<void> {
-    if (!this.problem || !this.drawn) return;
+    if (!this.problem || !this.shown) return;
     const places = this.problem.defects.flatMap((defect) => defect.locations ?? []);
     const faults = await this.context.worker.ask('faults', {});
-    if (!this.isClosed()) this.viewer.mark(faults, places, faults.positions);
+    if (!this.isClosed()) this.viewer.mark(faults, places);
   }
 
   private isClosed(): boolean {

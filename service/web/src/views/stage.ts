@@ -10,12 +10,17 @@ import { Frames, willPass } from '../mesh/frames';
 import { reducedMotion } from '../ui/theme';
 import { Timeline } from '../ui/timeline';
 import { Viewer } from '../viewer/viewer';
-import type { Coloured } from '../viewer/surface';
+import type { Shown } from '../viewer/asks';
 import type { Context } from './context';
 
 const GLIDE_S = 0.5;
 const AHEAD = 2;
 const RETRY_MS = 1500;
+
+/** A state that is here, with the range of what it is coloured by. */
+interface Coloured extends Shown {
+  readonly range: Range | null;
+}
 
 /** One job on a canvas, with its timeline: what is known, where one stands, and what is drawn. */
 export class Stage extends Emitter {
@@ -60,7 +65,7 @@ export class Stage extends Emitter {
     ({ color: this.color, wire: this.wire, scale: this.kind, up: this.up } = look);
     this.viewer = new Viewer('The mesh');
     if (look.camera) this.viewer.look(look.camera);
-    this.frames = new Frames(context.worker, job);
+    this.frames = new Frames(context.worker, job, this.viewer);
     this.timeline = new Timeline(
       this.player,
       {
@@ -194,11 +199,12 @@ export class Stage extends Emitter {
     this.opened = 'opening';
     this.problem = null;
     try {
-      const drawable = await this.frames.open(this.states[0] ?? 0);
+      await this.frames.open(this.states[0] ?? 0, (drawable, key) => {
+        this.triangles = drawable.triangles;
+        this.drawn = drawable.index.length / 3;
+        this.viewer.load(drawable, key);
+      });
       if (this.isClosed()) return;
-      this.triangles = drawable.triangles;
-      this.drawn = drawable.index.length / 3;
-      this.viewer.load(drawable);
       if (this.up !== null) this.viewer.up = this.up;
       this.viewer.wire = this.wire;
       this.opened = 'yes';
@@ -284,8 +290,9 @@ export class Stage extends Emitter {
     const first = this.coloured(before);
     if (!first) return;
     const second = blend > 0 ? this.coloured(after) : first;
-    this.viewer.show(first, second ?? first, second ? blend : 0);
-    this.own = rangeBetween(first, second ?? first, second ? blend : 0);
+    const share = second ? blend : 0;
+    this.viewer.show({ before: first, after: second ?? first, blend: share });
+    this.own = rangeBetween(first, second ?? first, share);
     this.paint();
     this.beside?.paint();
     const percent = state(this.run)?.sphericity;
@@ -311,9 +318,10 @@ export class Stage extends Emitter {
 
   private coloured(iteration: number): Coloured | null {
     const frame = this.frames.frame(iteration);
-    if (!frame) return null;
-    const values = this.color ? (this.frames.values(iteration, this.color) ?? null) : null;
-    return this.color && !values ? null : { frame, values };
+    if (frame === undefined) return null;
+    if (this.color === null) return { frame, values: null, range: null };
+    const values = this.frames.values(iteration, this.color);
+    return values ? { frame, values: values.key, range: values.range } : null;
   }
 
   private fetching: number | null = null;
@@ -359,8 +367,7 @@ function widest(one: Range, other: Range): Range {
   return { low: Math.min(one.low, other.low), high: Math.max(one.high, other.high) };
 }
 
-function rangeBetween(first: Coloured, second: Coloured, blend: number): Range | null {
-  if (!first.values || !second.values) return null;
-  const [a, b] = [first.values.range, second.values.range];
+function rangeBetween({ range: a }: Coloured, { range: b }: Coloured, blend: number): Range | null {
+  if (!a || !b) return null;
   return { low: a.low + (b.low - a.low) * blend, high: a.high + (b.high - a.high) * blend };
 }

@@ -1,15 +1,22 @@
+import { poseOf } from '../core/camera';
 import { Emitter } from '../core/emitter';
 import type { CameraView, Up } from '../core/route';
 import { Shelf } from '../core/shelf';
 import type { MeshWorker } from '../mesh/pool';
 import { painted } from '../ui/painted';
-
-import type { Viewer } from '../viewer/viewer';
+import { drawsInWorkers, Remote } from '../viewer/remote';
 
 const SIZE = 192;
-const FROM: CameraView = { azimuth: 0.65, elevation: 0.38, distance: 2.95, target: [0, 0, 0] };
+const FROM: CameraView = { azimuth: 0.65, elevation: 0.38, distance: 3.3, target: [0, 0, 0] };
+const ALONE = {
+  size: { width: SIZE, height: SIZE, ratio: 1 },
+  states: null,
+  colours: null,
+  wire: false,
+  facets: false,
+};
 const MOST = 150; // some 4 kB each
-const NAME = 'spherify thumbnails 1'; // another number where they are drawn another way
+const NAME = 'spherify thumbnails 2'; // another number where they are drawn another way
 const NEVER_OLD = new Set(['initial', 'final']); // what is asked for of finished jobs alone, or never changes
 
 /** Small pictures of states of jobs, drawn one after another on a canvas nobody sees, and kept by the browser. */
@@ -21,7 +28,7 @@ export class Thumbnails extends Emitter {
   private working = false;
   private awaited: (() => void) | null = null;
   private held = false;
-  private viewer: Viewer | null = null;
+  private remote: Remote | null = null;
 
   constructor(private readonly worker: MeshWorker) {
     super();
@@ -29,6 +36,7 @@ export class Thumbnails extends Emitter {
 
   /** Return the address of a picture, or null until there is one; `which` is an iteration or a name. */
   picture(job: string, which: string, up: Up): string | null {
+    if (!drawsInWorkers()) return null;
     const key = `${job} ${which} ${up}`;
     const known = this.pictures.get(key);
     if (known !== undefined) return known;
@@ -76,20 +84,18 @@ export class Thumbnails extends Emitter {
       positions: `/v1/jobs/${job}/snapshots/${which}/positions?dtype=f32`,
     });
     void this.worker.ask('forget', { key: name });
-    const viewer = this.viewer ?? (await this.open());
-    viewer.load(drawable);
-    viewer.up = up;
-    viewer.look(FROM);
-    const picture = await address(await viewer.picture('image/webp'));
+    this.remote ??= new Remote(new OffscreenCanvas(SIZE, SIZE));
+    const { index, frame, bounds } = drawable;
+    this.remote.send({ ask: 'load', index, key: 'first', frame, bounds }, [
+      index.buffer,
+      frame.positions.buffer,
+      frame.normals.buffer,
+    ]);
+    const scene = { ...ALONE, pose: poseOf(FROM, up, 1) };
+    const picture = await address(await this.remote.picture(scene, 'image/webp'));
     this.pictures.set(key, picture);
     if (NEVER_OLD.has(which)) this.shelf.put(key, picture);
     this.changed();
-  }
-
-  private async open(): Promise<Viewer> {
-    const { Viewer } = await import('../viewer/viewer');
-    this.viewer = new Viewer('thumbnail', SIZE);
-    return this.viewer;
   }
 }
 

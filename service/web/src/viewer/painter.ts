@@ -1,0 +1,195 @@
+import { Group, PerspectiveCamera, Scene as Space, WebGLRenderer } from 'three';
+import { lineOpacity } from '../core/lines';
+import type { Bounds, Frame } from '../mesh/types';
+import type { Ask, PictureType, Scene, Shown, Told } from './asks';
+import { FaultLines } from './faultlines';
+import { Paints, SurfaceMesh, type Coloured } from './surface';
+
+type Load = Extract<Ask, { ask: 'load' }>;
+type Mark = Extract<Ask, { ask: 'mark' }>;
+
+/** One canvas with one surface, its states, and what is wrong with it; draws when it is asked to. */
+export class Painter {
+  private readonly renderer: WebGLRenderer | null;
+  private readonly camera = new PerspectiveCamera(38, 1, 0.01, 100);
+  private readonly space = new Space();
+  /** Scales the surface to a ball of radius 1 around the origin. */
+  private readonly frame = new Group();
+  private readonly paints = new Paints();
+  private readonly kept = new Map<string, Frame | Float32Array<ArrayBuffer>>();
+  private surface: SurfaceMesh | null = null;
+  private faults: FaultLines | null = null;
+  private wanted: Scene | null = null;
+  private request = 0;
+  private lost = false;
+  private size = '';
+
+  constructor(
+    private readonly canvas: OffscreenCanvas,
+    private readonly tell: (told: Told) => void,
+  ) {
+    this.space.add(this.frame);
+    this.renderer = this.start();
+    canvas.addEventListener('webglcontextlost', this.lose);
+    canvas.addEventListener('webglcontextrestored', this.restore);
+  }
+
+  /** Do what is asked. */
+  take(ask: Ask): void {
+    switch (ask.ask) {
+      case 'open':
+        throw new Error('this canvas is open');
+      case 'load':
+        this.load(ask);
+        break;
+      case 'keep':
+        this.kept.set(ask.key, ask.numbers);
+        break;
+      case 'drop':
+        this.kept.delete(ask.key);
+        break;
+      case 'mark':
+        this.mark(ask);
+        break;
+      case 'draw':
+        this.wanted = ask.scene;
+        this.request ||= requestAnimationFrame(() => {
+          this.request = 0;
+          if (this.wanted) this.draw(this.wanted);
+          this.tell({ told: 'drawn' });
+        });
+        break;
+      case 'picture':
+        void this.picture(ask.scene, ask.type);
+        break;
+      case 'close':
+        this.close();
+        break;
+    }
+  }
+
+  private start(): WebGLRenderer | null {
+    try {
+      const renderer = new WebGLRenderer({ canvas: this.canvas, antialias: true, alpha: true });
+      renderer.setClearAlpha(0);
+      renderer.debug.checkShaderErrors = false; // asking waits until the compiler is done
+      return renderer;
+    } catch {
+      this.tell({ told: 'state', state: 'unsupported' }); // which the views say in words
+      return null;
+    }
+  }
+
+  private load({ index, key, frame, bounds }: Load): void {
+    this.clear();
+    this.kept.set(key, frame);
+    this.surface = new SurfaceMesh(this.paints, index, frame.positions.length / 3);
+    this.surface.show({ frame, values: null }, { frame, values: null }, 0);
+    this.place(bounds);
+    this.frame.add(this.surface.mesh, this.surface.wire);
+  }
+
+  private place({ centre, radius }: Bounds): void {
+    this.frame.scale.setScalar(1 / radius);
+    this.frame.position.set(-centre[0] / radius, -centre[1] / radius, -centre[2] / radius);
+  }
+
+  private mark({ faults, places, positions }: Mark): void {
+    this.faults?.dispose();
+    if (this.faults) this.frame.remove(this.faults.group);
+    this.faults = new FaultLines(faults, places, positions);
+    this.frame.add(this.faults.group);
+  }
+
+  private draw(scene: Scene): void {
+    const { renderer, surface, paints } = this;
+    if (renderer === null || this.lost) return;
+    this.fit(scene);
+    this.look(scene);
+    paints.clay.facets = scene.facets;
+    paints.clay.colours(scene.colours);
+    if (surface) {
+      surface.wire.visible = scene.wire;
+      const { eye, target, fieldOfView } = scene.pose;
+      const distance = Math.hypot(...eye.map((value, axis) => value - (target[axis] ?? 0)));
+      paints.opacity = lineOpacity(surface.triangles, distance, fieldOfView, scene.size.height);
+      this.show(surface, scene);
+    }
+    renderer.render(this.space, this.camera);
+  }
+
+  private show(surface: SurfaceMesh, { states }: Scene): void {
+    if (states === null) return;
+    const [before, after] = [this.coloured(states.before), this.coloured(states.after)];
+    if (before && after) surface.show(before, after, states.blend);
+  }
+
+  private coloured({ frame, values }: Shown): Coloured | null {
+    const state = this.kept.get(frame) as Frame | undefined;
+    if (state === undefined) return null;
+    return {
+      frame: state,
+      values:
+        values === null ? null : ((this.kept.get(values) as Float32Array<ArrayBuffer> | undefined) ?? null),
+    };
+  }
+
+  /** Take another size just before drawing: a canvas that was resized is empty. */
+  private fit({ size: { width, height, ratio } }: Scene): void {
+    const size = `${width} ${height} ${ratio}`;
+    if (size === this.size) return;
+    this.size = size;
+    this.renderer?.setPixelRatio(ratio);
+    this.renderer?.setSize(width, height, false);
+    this.camera.aspect = width / Math.max(height, 1);
+  }
+
+  private look({ pose: { eye, target, up, fieldOfView } }: Scene): void {
+    this.camera.fov = fieldOfView;
+    this.camera.up.set(...up);
+    this.camera.position.set(...eye);
+    this.camera.lookAt(...target);
+    this.camera.updateProjectionMatrix();
+  }
+
+  /** Draw anew, as the canvas does not keep what it showed, and hand over a copy. */
+  private async picture(scene: Scene, type: PictureType): Promise<void> {
+    let blob: Blob | null = null;
+    try {
+      this.draw(scene);
+      blob = await this.canvas.convertToBlob({ type });
+    } catch {
+      // a canvas without a size, or a card that was lost: whoever asked is told that there is none
+    }
+    this.tell({ told: 'picture', blob });
+  }
+
+  private clear(): void {
+    this.surface?.dispose();
+    this.faults?.dispose();
+    this.surface = null;
+    this.faults = null;
+    this.frame.clear();
+    this.kept.clear();
+  }
+
+  private close(): void {
+    cancelAnimationFrame(this.request);
+    this.clear();
+    this.paints.dispose();
+    this.canvas.removeEventListener('webglcontextlost', this.lose);
+    this.renderer?.dispose();
+    this.renderer?.forceContextLoss(); // a browser keeps but a few
+  }
+
+  private readonly lose = (event: Event): void => {
+    event.preventDefault(); // asks the browser to give it back
+    this.lost = true;
+    this.tell({ told: 'state', state: 'lost' });
+  };
+
+  private readonly restore = (): void => {
+    this.lost = false;
+    this.tell({ told: 'state', state: 'ready' }); // it is asked to draw again, and three sends everything again
+  };
+}

@@ -1,0 +1,63 @@
+"""What the page must not do, whatever the clock says: draw or read meshes on its own thread, or load much at first."""
+
+from __future__ import annotations
+
+import gzip
+import re
+
+from playwright.sync_api import Page, expect
+
+from service.site import BUILT
+from tests.stack import Stack
+from tests.web.browser import iteration, settled, worker
+
+FIRST_BYTES = 30_000  # compressed: what is needed before anything can be seen
+RENDERER = "WebGLRenderer"
+WATCH = """
+window.did = { contexts: [], fetched: [], read: 0 };
+const context = HTMLCanvasElement.prototype.getContext;
+HTMLCanvasElement.prototype.getContext = function (kind, ...rest) {
+  did.contexts.push(kind);
+  return context.call(this, kind, ...rest);
+};
+const fetched = window.fetch;
+window.fetch = (what, ...rest) => {
+  did.fetched.push(String(what));
+  return fetched(what, ...rest);
+};
+const read = Response.prototype.arrayBuffer;
+Response.prototype.arrayBuffer = function () {
+  did.read += 1;
+  return read.call(this);
+};
+"""
+
+
+def test_before_the_first_picture_little_is_loaded_and_nothing_that_draws() -> None:
+    page = (BUILT / "index.html").read_text("utf-8")
+    found = set(re.findall(r'(?:src|href)="/(assets/[^"]+)"', page))
+    assert found, "the page loads nothing"
+    size = sum(len(gzip.compress((BUILT / name).read_bytes())) for name in found)
+    assert size < FIRST_BYTES
+    texts = {path.name: path.read_text("utf-8") for path in BUILT.glob("assets/*.js")}
+    drawing = {name for name, text in texts.items() if RENDERER in text}
+    assert len(drawing) == 1, "the renderer is built into one file"
+    (name,) = drawing
+    assert any(f"new Worker(new URL(`/assets/{name}`" in text for text in texts.values()), "a worker's"
+
+
+def test_its_own_thread_neither_draws_nor_reads_meshes(page: Page, stack: Stack, run: str) -> None:
+    page.context.add_init_script(WATCH)
+    page.goto(f"{stack.url}/?job={run}&it=0&up=z&color=curvature")
+    settled(page)
+    before = iteration(page)
+    page.keyboard.press("ArrowRight")
+    settled(page)
+    assert iteration(page) > before
+    expect(page.locator(".run img").first).to_be_visible()  # small pictures come from the worker, too
+    did = page.evaluate("did")
+    assert set(did["contexts"]) <= {"2d"}  # the chart
+    assert did["fetched"], "the page asks the service by fetch"
+    assert not [one for one in did["fetched"] if re.search(r"/(topology|positions|fields)\b", one)]
+    assert did["read"] == 0
+    assert worker(page, "reading").evaluate("performance.getEntriesByType('resource').length") > 3
