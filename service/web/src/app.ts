@@ -41,8 +41,8 @@ export class App {
       go: (route, replace) => {
         this.go(route, replace ?? false);
       },
-      file: (file) => {
-        this.file(file);
+      files: (files) => {
+        this.files(files);
       },
       toast: (text, kind) => {
         this.toasts.say(text, kind);
@@ -66,8 +66,8 @@ export class App {
       this.arrive(parseRoute(location.search));
     });
     addEventListener('keydown', this.key);
-    takeDrops((file) => {
-      this.file(file);
+    takeDrops((files) => {
+      this.files(files);
     });
     this.refresh();
   }
@@ -90,11 +90,17 @@ export class App {
     this.open(route);
   }
 
-  private file(file: File): void {
+  private files(files: readonly File[]): void {
+    const [file] = files;
+    if (file === undefined) return;
     this.route = { view: 'home' };
     history.pushState(null, '', '/');
     this.menu = false;
     void this.show(async () => {
+      if (files.length > 1) {
+        const { BatchView } = await import('./views/batch');
+        return new BatchView(this.context, files);
+      }
       const { MeshView } = await import('./views/mesh');
       return new MeshView(this.context, file);
     });

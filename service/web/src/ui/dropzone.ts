@@ -3,7 +3,7 @@ import { bytes, count } from '../core/format';
 import type { Context } from '../views/context';
 import { icon } from './icons';
 
-/** A place to drop a mesh on, and a button for those who do not drag. */
+/** A place to drop meshes on, and a button for those who do not drag. */
 export function dropZone(context: Context): TemplateResult {
   const { info } = context.catalogue;
   const formats =
@@ -16,22 +16,22 @@ export function dropZone(context: Context): TemplateResult {
     <input
       type="file"
       class="hidden"
+      multiple
       accept=".obj,.ply,.stl,.off,.glb,.3mf"
       @change=${(event: Event) => {
         const chosen = event.target as HTMLInputElement;
-        const [first] = chosen.files ?? [];
-        if (first) context.file(first);
+        context.files([...(chosen.files ?? [])]);
         chosen.value = ''; // the same file may be chosen again
       }}
     />
     ${icon('upload')}
-    <span><b>Drop a mesh here</b> or <span class="link">choose a file</span></span>
+    <span><b>Drop a mesh here</b> or <span class="link">choose files</span></span>
     <span class="hint">${formats} ${limits}</span>
   </label>`;
 }
 
 /** Take files that are dropped anywhere on the page. */
-export function takeDrops(take: (file: File) => void): void {
+export function takeDrops(take: (files: readonly File[]) => void): void {
   const over = (on: boolean): void => {
     document.documentElement.classList.toggle('dragging', on);
   };
@@ -52,7 +52,6 @@ export function takeDrops(take: (file: File) => void): void {
     event.preventDefault();
     depth = 0;
     over(false);
-    const [first] = event.dataTransfer?.files ?? [];
-    if (first) take(first);
+    take([...(event.dataTransfer?.files ?? [])]);
   });
 }

@@ -15,8 +15,8 @@ export interface Context {
   readonly thumbnails: Thumbnails;
   /** Go to another view; `replace` keeps the place in the browser's history. */
   go(route: Route, replace?: boolean): void;
-  /** Show a file that was dropped or chosen. */
-  file(file: File): void;
+  /** Show a file that was dropped or chosen, or several. */
+  files(files: readonly File[]): void;
   /** Say something for a moment. */
   toast(text: string, kind?: 'good' | 'bad'): void;
   /** Draw the page anew, soon. */

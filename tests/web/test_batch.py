@@ -1,0 +1,47 @@
+"""Several files at once: each is judged, and what is accepted is run."""
+
+from __future__ import annotations
+
+import re
+
+from playwright.sync_api import Page, expect
+
+from tests.e2e.api import Api
+from tests.e2e.test_readme import BOX_WITHOUT_A_LID
+from tests.stack import Stack
+from tests.web.browser import Complaints, status
+from tests.web.test_trouble import NETWORK
+
+
+def test_of_several_files_those_that_are_accepted_are_run(
+    *, page: Page, complaints: Complaints, stack: Stack, api: Api, animal: bytes
+) -> None:
+    complaints.expect(NETWORK)
+    page.goto(stack.url)
+    meshes = {"cat.obj": animal, "box.obj": BOX_WITHOUT_A_LID, "dog.obj": animal + b"# another\n"}
+    files = [{"name": name, "mimeType": "model/obj", "buffer": mesh} for name, mesh in meshes.items()]
+    page.locator("input[type=file]").set_input_files(files)
+    expect(page.get_by_role("heading", level=1)).to_have_text("3 files")
+    expect(page.get_by_role("row", name="box.obj")).to_contain_text("4 edges have one face only")
+    page.get_by_label("Preset").select_option("conformal")
+    page.get_by_role("button", name="Run all 2").click()
+    for name in ("cat.obj", "dog.obj"):
+        expect(page.get_by_role("row", name=name)).to_contain_text("Done")
+    said = page.get_by_role("status").filter(has_text="tag").locator("code").inner_text()
+    jobs = api.http.get("/v1/jobs", params={"tag": said}).json()["items"]
+    assert {(job["name"], job["preset"]) for job in jobs} == {("cat", "conformal"), ("dog", "conformal")}
+    page.get_by_role("link", name="See the run: cat.obj").click()
+    expect(page).to_have_url(re.compile(r"\?job=job_"))
+    expect(status(page)).to_have_text("Done")
+
+
+def test_a_refused_one_of_several_is_shown_by_itself(
+    page: Page, complaints: Complaints, stack: Stack, animal: bytes
+) -> None:
+    complaints.expect(NETWORK)
+    page.goto(stack.url)
+    meshes = {"cat.obj": animal, "box.obj": BOX_WITHOUT_A_LID}
+    files = [{"name": name, "mimeType": "model/obj", "buffer": mesh} for name, mesh in meshes.items()]
+    page.locator("input[type=file]").set_input_files(files)
+    page.get_by_role("button", name="See why: box.obj").click()
+    expect(page.get_by_label("Why it was refused")).to_contain_text("4 edges have one face only")
