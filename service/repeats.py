@@ -18,7 +18,7 @@ from fastapi import Depends, Header, Request, Response
 
 from service.problems import problem_of
 from spherify.jobs.codec import dumps
-from spherify.jobs.errors import StoreUnavailableError
+from spherify.jobs.errors import JobGoneError, StoreUnavailableError
 from spherify.jobs.ids import new_job_id
 from spherify.jobs.model import RequestKey
 from spherify.jobs.repeats import RepeatStore
@@ -86,7 +86,8 @@ async def once(
         answer = await act(Identity(begun.identity, RequestKey(name, fingerprint)))
     except Exception as e:
         problem = problem_of(e)
-        refused = problem is not None and problem.type.is_refusal
+        # What is gone took effect once, before the records were lost: the key must not make it anew.
+        refused = problem is not None and problem.type.is_refusal and not isinstance(e, JobGoneError)
         await _tell(repeats.forget if refused else repeats.free, name)
         raise
     await _tell(lambda name: repeats.answered(name, _dump(answer)), name)

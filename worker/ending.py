@@ -41,7 +41,7 @@ class Ending:
         self.outbox = Outbox(jobs, job_id, token)
 
     def commit(self, outcome: Outcome, progress: Progress | None) -> None:
-        """Make the end durable, then tell the record."""
+        """Make the end durable, then tell the record; without a progress, that of the last state."""
         sealed = self._insist(lambda: self._jobs.seal(self._job_id, self._token))
         if sealed is None or sealed is Renewal.FENCED:
             self.say(logging.WARNING, "fenced", "it ended, but the job is not ours any more")
@@ -52,6 +52,7 @@ class Ending:
                 JobStatus.CANCELLED, stop_reason="cancelled", best_iteration=outcome.best_iteration
             )
         job = self._insist(lambda: self._jobs.get(self._job_id))
+        progress = progress or self.outbox.reached(None if job is None else job.progress)
         mine = Result(
             self._job_id,
             self._token,

@@ -19,6 +19,8 @@ import mmap
 import os
 import signal
 import socket
+import tempfile
+from multiprocessing import process
 from typing import Any
 
 from celery import signals
@@ -57,6 +59,9 @@ def connect(settings: Settings) -> None:
     """Hear Celery's signals."""
     _Process.settings = settings
     _Process.main = os.getpid()
+    # The pool shares a counter with each child in a file that is unlinked at once, in a folder that is removed at the
+    # end: after a kill it would stay. There is no other way to name the folder.
+    process.current_process()._config["tempdir"] = tempfile.gettempdir()  # type: ignore[attr-defined]
     signals.setup_logging.connect(_set_up_logging)
     signals.worker_ready.connect(_begin)
     signals.worker_shutting_down.connect(_shut_down)

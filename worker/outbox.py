@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from spherify.jobs.codec import load_progress, load_snapshot
@@ -23,6 +24,7 @@ class Outbox:
         self._unsent_snapshots: list[Snapshot] = []
         self._unsent_rows: list[Row] = []
         self._unsent_progress: Progress | None = None
+        self._progress: Progress | None = None
 
     def take_in(self, event: Mapping[str, Any]) -> None:
         """Remember the content of a ``snapshot`` or ``report``."""
@@ -32,12 +34,22 @@ class Outbox:
             self._unsent_snapshots.append(snapshot)
         else:
             self.add_rows(event["rows"])
-            self._unsent_progress = load_progress(event["progress"])
+            self._progress = self._unsent_progress = load_progress(event["progress"])
 
     def add_rows(self, rows: list[Row]) -> None:
         """Remember rows, to be sent with the next progress."""
         self._rows.update({int(row["iteration"]): row for row in rows})
         self._unsent_rows += rows
+
+    def reached(self, before: Progress | None) -> Progress | None:
+        """Return how far it came if the runner did not live to say so, from how far it was before.
+
+        That is what it told last, or its last state: that may have been told later.
+        """
+        progress = self._progress or before
+        if progress is not None and self.latest is not None and self.latest > progress.iteration:
+            return replace(progress, iteration=self.latest)
+        return progress
 
     def send_end(self, progress: Progress | None) -> None:
         """Let the next flush tell the last progress: not before the end is durable."""

@@ -46,6 +46,16 @@ def load_spec(text: str | bytes) -> JobSpec:
     )
 
 
+def dump_request(request: RequestKey | None) -> bytes:
+    """Return what is kept of a deleted job: the key that it was asked for under, nothing if there was none."""
+    return b"" if request is None else dumps(asdict(request)).encode()
+
+
+def load_request(text: bytes) -> RequestKey | None:
+    """Read what `dump_request` wrote."""
+    return RequestKey(**json.loads(text)) if text else None
+
+
 def load_snapshot(data: str | bytes | Mapping[str, Any]) -> Snapshot:
     """Read a snapshot from its JSON, or from the object in it."""
     return Snapshot(**(data if isinstance(data, Mapping) else json.loads(data)))

@@ -9,6 +9,7 @@ from __future__ import annotations
 from contextlib import suppress
 
 from spherify.jobs import layout
+from spherify.jobs.codec import dump_request
 from spherify.jobs.errors import BlobExistsError, JobNotFinishedError
 from spherify.jobs.ports import BlobStore, JobStore, MeshStore
 from spherify.jobs.settle import remove_folder, settle
@@ -16,10 +17,11 @@ from spherify.jobs.settle import remove_folder, settle
 
 def delete_job(jobs: JobStore, blobs: BlobStore, job_id: str) -> None:
     """Forget a finished job and remove its files; raises as `JobStore.delete` does."""
-    if not jobs.get(job_id).status.done:
+    job = jobs.get(job_id)
+    if not job.status.done:
         raise JobNotFinishedError(f"{job_id} is not finished: cancel it first")
     with suppress(BlobExistsError):  # of an attempt that was broken off
-        blobs.create(layout.tombstone(job_id), b"")
+        blobs.create(layout.tombstone(job_id), dump_request(job.spec.request))
     jobs.delete(job_id)
     settle(jobs, blobs, job_id)
 

@@ -8,7 +8,8 @@
                snapshots/{token}-{iteration}.npz           before the snapshot is known; public
                checkpoints/{token}-{iteration}.npz         between snapshots; swept at the end
                result.json                                 before the end is known; the first one wins
-    tombstones/{job}                                       before the record of a deleted job is removed; 30 days
+    tombstones/{job}                                       before the record of a deleted job is removed; 30 days;
+                                                           holds the Idempotency-Key it was asked for under
 
 Tokens and iterations are padded with zeros, for people; programs compare `numbers`, for they may grow beyond that.
 """

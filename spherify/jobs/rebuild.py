@@ -1,6 +1,6 @@
 """Bring records back that the server lost: everything that was acknowledged is in the files.
 
-    tombstones/{job}                    the job was deleted, and stays so
+    tombstones/{job}                    the job was deleted, and stays so, and so does its Idempotency-Key
     jobs/{job}/result.json              the job ended so
     jobs/{job}/cancel.json              the job was to be cancelled, and is
     jobs/{job}/spec.json                the job waits again, and goes on from its newest checkpoint; of all jobs also
@@ -22,12 +22,12 @@ from dataclasses import dataclass
 
 from spherify.jobs import layout
 from spherify.jobs.accounts import read_account
-from spherify.jobs.codec import load_mesh_record, load_spec
+from spherify.jobs.codec import load_mesh_record, load_request, load_spec
 from spherify.jobs.errors import BlobNotFoundError, JobsError, StoreUnavailableError
-from spherify.jobs.ids import is_job_id
+from spherify.jobs.ids import is_job_id, time_of
 from spherify.jobs.model import Job, JobSpec
 from spherify.jobs.ports import BlobStore, JobQueue, JobStore, MeshStore
-from spherify.jobs.repeats import RepeatStore
+from spherify.jobs.repeats import KEPT_S, RepeatStore
 from spherify.jobs.results import Result, read_result
 from spherify.jobs.settle import settle
 
@@ -64,7 +64,10 @@ def rebuild(stock: Stock, still: Callable[[], object] = lambda: None) -> bool:
     name = stock.jobs.begin_rebuild()
     counts = {"meshes": 0, "jobs": 0}
     for stat in stock.blobs.list(layout.tombstones()):
-        stock.jobs.bury(stat.key.rpartition("/")[2], stat.created_at + layout.TOMBSTONE_S - time.time())
+        still()
+        job_id = stat.key.rpartition("/")[2]
+        stock.jobs.bury(job_id, stat.created_at + layout.TOMBSTONE_S - time.time())
+        _tried(stock, job_id, remember_deleted)
     for kind, prefix, restore in (
         ("meshes", layout.meshes(), restore_mesh),
         ("jobs", layout.jobs(), restore_job),
@@ -97,6 +100,16 @@ def restore_mesh(stock: Stock, mesh_id: str) -> bool:
     except BlobNotFoundError:  # it was being deleted, or written
         return False
     return stock.meshes.add(record)
+
+
+def remember_deleted(stock: Stock, job_id: str) -> bool:
+    """Take up again the key that a deleted job was asked for under, for the rest of its day; whether there was one."""
+    if not is_job_id(job_id) or time_of(job_id) + KEPT_S < time.time():
+        return False
+    request = load_request(stock.blobs.read(layout.tombstone(job_id)))
+    return request is not None and stock.repeats.remember(
+        request.name, request.fingerprint, job_id, time_of(job_id)
+    )
 
 
 def restore_job(stock: Stock, job_id: str) -> bool:

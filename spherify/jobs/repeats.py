@@ -7,13 +7,16 @@
 
 The identity is that of what the request makes. It is fixed before anything is made, so that a repetition after a
 crash makes the same thing, not a second one. Should the server lose its records, name, fingerprint and identity come
-back with the job, from its ``spec.json``: a repetition is then carried out once more, and finds the job.
+back with the job, from its ``spec.json``: a repetition is then carried out once more, and finds the job. Of a deleted
+one they come back from its tombstone: a repetition is told that it is gone.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Final, Protocol
+
+KEPT_S: Final = 24 * 3600
 
 
 @dataclass(frozen=True, slots=True)

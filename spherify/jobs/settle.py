@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from spherify.jobs import layout
 from spherify.jobs.errors import JobGoneError
-from spherify.jobs.model import Job, Outcome
+from spherify.jobs.model import Job, JobStatus, Outcome
 from spherify.jobs.ports import BlobStore, JobStore
-from spherify.jobs.results import Result, write_result
+from spherify.jobs.results import Result, read_result, write_result
 from spherify.jobs.rows import Row
 
 
@@ -30,8 +30,8 @@ def settle(jobs: JobStore, blobs: BlobStore, job_id: str) -> None:
                 write_result(blobs, _result_of(job, jobs.metrics(job_id)))
             remove_folder(blobs, layout.checkpoints(job_id))
             remove_folder(blobs, layout.attempts(job_id))
-            if job.attempt > 1:
-                _remove_superseded(blobs, job)
+            if job.attempt > 1 or job.status is not JobStatus.SUCCESSFUL:
+                _remove_unnamed(blobs, job)
             settled = jobs.settled(job_id, deleted=False)
         except JobGoneError:
             remove_folder(blobs, layout.job_folder(job_id))
@@ -43,11 +43,17 @@ def remove_folder(blobs: BlobStore, prefix: str) -> int:
     return sum(blobs.delete(stat.key) for stat in list(blobs.list(prefix)))
 
 
-def _remove_superseded(blobs: BlobStore, job: Job) -> None:
-    """Remove the snapshots of earlier attempts that a later one made once more, to the same bytes."""
-    kept = {snapshot.iteration: snapshot.key for snapshot in job.snapshots}
+def _remove_unnamed(blobs: BlobStore, job: Job) -> None:
+    """Remove the snapshots that nobody knows of.
+
+    Those of an earlier attempt that a later one made once more, to the same bytes, and those of a runner that was
+    killed before it told of them. What the result names stays also if the record ended otherwise: the records may get lost.
+    """
+    result = read_result(blobs, job.id)
+    known = (*job.snapshots, *(() if result is None else result.snapshots))
+    named = {snapshot.key for snapshot in known}
     for stat in list(blobs.list(layout.snapshots(job.id))):
-        if kept.get(layout.numbers(stat.key)[1], stat.key) != stat.key:
+        if stat.key not in named:
             blobs.delete(stat.key)
 
 

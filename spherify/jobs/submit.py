@@ -6,7 +6,13 @@ import logging
 
 from spherify.jobs import layout
 from spherify.jobs.codec import dump_record
-from spherify.jobs.errors import BlobExistsError, MeshNotFoundError, StorageFullError, StoreUnavailableError
+from spherify.jobs.errors import (
+    BlobExistsError,
+    JobGoneError,
+    MeshNotFoundError,
+    StorageFullError,
+    StoreUnavailableError,
+)
 from spherify.jobs.model import Job, JobSpec
 from spherify.jobs.ports import BlobStore, JobQueue, JobStore
 
@@ -21,6 +27,7 @@ def submit(jobs: JobStore, blobs: BlobStore, queue: JobQueue, spec: JobSpec) -> 
     Raises:
         StorageFullError: nothing was recorded.
         MeshNotFoundError: its mesh is not there, or no longer; nothing was recorded.
+        JobGoneError: it was made before, and deleted since.
         StoreUnavailableError: the record was, perhaps, not written; submit the same spec again. If it was not, the
             job is withdrawn: nothing brings it back later, when nobody expects it any more.
 
@@ -40,7 +47,7 @@ def submit(jobs: JobStore, blobs: BlobStore, queue: JobQueue, spec: JobSpec) -> 
     except StoreUnavailableError:
         _withdraw(blobs, spec.id)
         raise
-    except MeshNotFoundError:
+    except (MeshNotFoundError, JobGoneError):
         blobs.delete(layout.spec(spec.id))
         raise
     try:

@@ -6,8 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from spherify.jobs.errors import KeyReusedError, RequestInProgressError
-from spherify.jobs.repeats import Beginning
-from spherify.stores.repeats import KEPT_S
+from spherify.jobs.repeats import KEPT_S, Beginning
 
 
 @dataclass

@@ -8,12 +8,11 @@ from typing import Final
 import redis
 
 from spherify.jobs.errors import KeyReusedError, RequestInProgressError
-from spherify.jobs.repeats import Beginning
+from spherify.jobs.repeats import KEPT_S, Beginning
 from spherify.stores import keys
 from spherify.stores.client import Scripts, reachable
 from spherify.stores.epoch import require_complete
 
-KEPT_S: Final = 24 * 3600
 BUSY_S: Final = 10.0
 """After which whoever took a key up is dead, or slow: doing it twice under one identity is harmless."""
 

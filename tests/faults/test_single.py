@@ -29,8 +29,11 @@ ENDLESS = {
 
 @pytest.fixture(scope="module")
 def stack(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stack]:
-    settings = SHORT | {"SPHERIFY_MAX_LOSSES": str(MAX_LOSSES)}
-    with started_stack(tmp_path_factory.mktemp("single"), workers=0, environment=settings) as stack:
+    folder = tmp_path_factory.mktemp("single")
+    temporary = folder / "tmp"
+    temporary.mkdir()
+    settings = SHORT | {"SPHERIFY_MAX_LOSSES": str(MAX_LOSSES), "TMPDIR": str(temporary)}
+    with started_stack(folder, workers=0, environment=settings) as stack:
         yield stack
 
 
@@ -113,6 +116,7 @@ def test_a_cancel_outlives_the_worker_that_was_told(stack: Stack, api: Api, mesh
     stack.workers["0"].send_signal(signal.SIGSTOP)  # so that it cannot end the job before it is killed
     assert api.http.post(f"/v1/jobs/{job_id}/cancel").status_code in {200, 202}
     stack.stop_worker("0", signal.SIGKILL)
+    assert list((stack.data_dir / "tmp").iterdir()) == [], "nor does a killed worker leave temporary files"
     stack.start_worker("0")
     job = api.finished(job_id)
     assert (job["status"], job["attempt"]) == ("cancelled", 1)

@@ -29,7 +29,7 @@ from spherify.jobs.inventory import Inventory
 from spherify.jobs.model import JobError, JobSpec, JobStatus, Outcome, Progress, RequestKey, Snapshot
 from spherify.jobs.ports import CancelOutcome
 from spherify.jobs.rebuild import Stock, rebuild
-from spherify.jobs.repeats import Beginning
+from spherify.jobs.repeats import KEPT_S, Beginning
 from spherify.jobs.results import Result, write_result
 from spherify.jobs.settle import settle
 from spherify.jobs.submit import submit
@@ -37,7 +37,6 @@ from spherify.settings import Settings
 from spherify.stores import keys
 from spherify.stores.connect import open_stores
 from spherify.stores.embedded import EmbeddedServer
-from spherify.stores.repeats import KEPT_S
 from tests.jobs.examples import MESH_ID, job_spec, mesh_record
 
 ROWS = [{"iteration": 0, "sphericity": 0.5}, {"iteration": 3, "sphericity": 0.1 + 0.2}]

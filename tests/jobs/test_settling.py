@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -31,7 +32,9 @@ def settled(world: World) -> tuple[str, ...]:
     return Reconciler(world.stock, orphan_s=15).scan().settled
 
 
-def test_what_a_later_attempt_made_once_more_is_kept_once(world: World) -> None:
+def test_what_a_later_attempt_made_once_more_is_kept_once_and_what_nobody_knows_of_not_at_all(
+    world: World,
+) -> None:
     spec = job_spec(iterations=9, snapshots="3,6")
     submit(world.jobs, world.blobs, world.queue, spec)
     folder = layout.snapshots(spec.id)
@@ -47,13 +50,30 @@ def test_what_a_later_attempt_made_once_more_is_kept_once(world: World) -> None:
         if token == second:
             world.blobs.create(key, b"")
         world.jobs.add_snapshot(spec.id, second, Snapshot(iteration, key, "s", 1, {}, 1.0))
-    hindsight = layout.numbered(folder, second, 7)
-    world.blobs.create(hindsight, b"")  # what no record names is not judged
+    world.blobs.create(layout.numbered(folder, first, 7), b"")  # it was killed before it could tell of it
     world.jobs.commit(spec.id, second, Outcome(JobStatus.SUCCESSFUL, "iterations", None, 9, 9))
     assert settled(world) == (spec.id,)
     names = {stat.key for stat in world.blobs.list(layout.job_folder(spec.id))}
     kept_keys = {layout.numbered(folder, token, iteration) for iteration, token in kept.items()}
-    assert names == {layout.spec(spec.id), layout.result(spec.id), hindsight, *kept_keys}
+    assert names == {layout.spec(spec.id), layout.result(spec.id), *kept_keys}
+
+
+def test_what_the_result_names_stays_although_the_record_ended_otherwise(world: World) -> None:
+    """The job was given up while its end was written; should the records get lost, it comes back with that end."""
+    spec = job_spec()
+    submit(world.jobs, world.blobs, world.queue, spec)
+    token = world.jobs.claim(spec.id, "w").token
+    told, untold, unknown = (layout.numbered(layout.snapshots(spec.id), token, i) for i in (0, 2, 3))
+    for key in (told, untold, unknown):
+        world.blobs.create(key, b"")
+    world.jobs.add_snapshot(spec.id, token, Snapshot(0, told, "s", 1, {}, 1.0))
+    world.jobs.request_cancel(spec.id)
+    snapshots = (Snapshot(0, told, "s", 1, {}, 1.0), Snapshot(2, untold, "s", 1, {}, 1.0))
+    write_result(world.blobs, replace(result_of(spec.id, token), snapshots=snapshots))
+    world.jobs.lose(spec.id, token)
+    assert settled(world) == (spec.id,)
+    assert world.jobs.get(spec.id).status is JobStatus.CANCELLED
+    assert {stat.key for stat in world.blobs.list(layout.snapshots(spec.id))} == {told, untold}
 
 
 def checkpoint(world: World, job_id: str) -> None:

@@ -9,6 +9,8 @@ import httpx
 import pytest
 
 import service.routes.jobs
+from spherify.jobs import layout
+from spherify.jobs.cancel import cancel
 from spherify.jobs.errors import RequestInProgressError, StoreUnavailableError
 from spherify.jobs.rebuild import rebuild
 from spherify.stores import keys
@@ -137,6 +139,21 @@ def test_a_key_outlives_the_loss_of_the_records(
     assert submit(client, key).headers["idempotent-replayed"] == "true"
     problem(submit(client, key, iterations="11"), 422, "idempotency-key-reused")
     assert jobs(client) == 1
+
+
+def test_the_key_of_a_deleted_job_makes_no_other_after_the_loss_of_the_records(
+    client: httpx.Client, stores: Stores, known: str, key: str
+) -> None:
+    job_id = submit(client, key).json()["id"]
+    cancel(stores.jobs, stores.blobs, job_id)
+    assert client.delete(f"/v1/jobs/{job_id}").status_code == 204
+    stores.client.flushdb()
+    assert rebuild(stores.stock)
+    for _ in range(2):
+        problem(submit(client, key), 410, "gone")
+    problem(submit(client, key, iterations="11"), 422, "idempotency-key-reused")
+    assert jobs(client) == 0
+    assert list(stores.blobs.list(layout.job_folder(job_id))) == []
 
 
 @pytest.mark.parametrize("bad", ["", "a b", "x" * 256, "\x7f"])

@@ -8,9 +8,9 @@ import pytest
 import redis
 
 from spherify.jobs.errors import KeyReusedError, RequestInProgressError
-from spherify.jobs.repeats import Beginning, RepeatStore
+from spherify.jobs.repeats import KEPT_S, Beginning, RepeatStore
 from spherify.stores.memory_repeats import MemoryRepeatStore
-from spherify.stores.repeats import KEPT_S, RedisRepeatStore
+from spherify.stores.repeats import RedisRepeatStore
 
 
 @pytest.fixture(params=["memory", "redis"])

@@ -78,6 +78,9 @@ def test_a_runner_that_is_deaf_to_a_cancel_is_killed(
     assert result is not None
     assert result.outcome.status is JobStatus.CANCELLED
     assert tuple(result.snapshots) == job.snapshots
+    assert result.progress is not None
+    assert result.progress == job.progress
+    assert result.progress.iteration >= job.snapshots[-1].iteration
 
 
 def test_a_runner_that_outruns_its_limit_fails_with_the_last_state_it_kept(
