@@ -47,7 +47,8 @@ def _remove_unnamed(blobs: BlobStore, job: Job) -> None:
     """Remove the snapshots that nobody knows of.
 
     Those of an earlier attempt that a later one made once more, to the same bytes, and those of a runner that was
-    killed before it told of them. What the result names stays also if the record ended otherwise: the records may get lost.
+    killed before it told of them. What the result names stays also if the record ended otherwise: the records may get
+    lost.
     """
     result = read_result(blobs, job.id)
     known = (*job.snapshots, *(() if result is None else result.snapshots))
