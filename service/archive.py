@@ -8,21 +8,18 @@ import io
 import json
 import stat
 import zipfile
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import closing
+from dataclasses import dataclass
 from datetime import UTC, datetime
+from pathlib import Path
 from tempfile import TemporaryFile
-from typing import TYPE_CHECKING, Any, BinaryIO, Final
+from typing import Any, BinaryIO, Final
 
-from service.arrays import State
 from service.delivery import PIECE, file_name
 from service.schemas import MetricsOut, RowOut, figures
 from spherify import __version__
-from spherify.formats import write_mesh
 from spherify.jobs.model import Job, MeshRecord, Snapshot
-
-if TYPE_CHECKING:
-    from spherify.jobs.ports import BlobStore
 
 MEDIA_TYPE: Final = "application/zip"
 STREAMED_BYTES: Final = 256 * 1024 * 1024  # of kept states: more are sent as they are written, and not kept
@@ -41,24 +38,38 @@ def metrics_csv(metrics: MetricsOut) -> bytes:
     return text.getvalue().encode()
 
 
-def write_archive(
-    file: BinaryIO, blobs: BlobStore, job: Job, mesh: MeshRecord, *, metrics: MetricsOut, form: str
-) -> None:
+@dataclass(frozen=True, slots=True)
+class Matter:
+    """What an archive is made of.
+
+    Attributes:
+        job: finished.
+        form: of the states, by its ending.
+        convert: returns a state in that form.
+
+    """
+
+    job: Job
+    mesh: MeshRecord
+    metrics: MetricsOut
+    form: str
+    convert: Callable[[Snapshot], bytes]
+
+
+def write_archive(file: BinaryIO, matter: Matter) -> None:
     """Write the archive of a finished job, one state at a time; entries are dated as the job was made."""
-    for _ in _entries(file, blobs, job, mesh, metrics=metrics, form=form):
+    for _ in _entries(file, matter):
         pass
 
 
-def archive_parts(
-    blobs: BlobStore, job: Job, mesh: MeshRecord, *, metrics: MetricsOut, form: str
-) -> Generator[Iterator[bytes], None, None]:
+def archive_parts(scratch: Path, matter: Matter) -> Generator[Iterator[bytes], None, None]:
     """Yield the same archive an entry at a time, to be read before the next one is made.
 
     An entry waits on the disk, without a name: clients that take their time hold no memory.
     """
-    with TemporaryFile(dir=blobs.scratch()) as file:
+    with TemporaryFile(dir=scratch) as file:
         window = _Window(file)
-        with closing(_entries(window, blobs, job, mesh, metrics=metrics, form=form)) as entries:
+        with closing(_entries(window, matter)) as entries:
             for _ in entries:
                 yield window.take()
         yield window.take()
@@ -100,16 +111,9 @@ class _Window:
         self._file.truncate()
 
 
-def _entries(
-    file: BinaryIO | _Window,
-    blobs: BlobStore,
-    job: Job,
-    mesh: MeshRecord,
-    *,
-    metrics: MetricsOut,
-    form: str,
-) -> Generator[None, None, None]:
+def _entries(file: BinaryIO | _Window, matter: Matter) -> Generator[None, None, None]:
     """Write an archive, and stop after each entry, holding nothing of it."""
+    job, form = matter.job, matter.form
     made = max(datetime.fromtimestamp(int(job.spec.created_at), UTC), _FIRST)
     with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED, allowZip64=True) as archive:
 
@@ -121,8 +125,7 @@ def _entries(
             return hashlib.sha256(data).hexdigest()
 
         def add_state(snapshot: Snapshot) -> dict[str, Any]:
-            _, state = State(job.spec.mesh_id, snapshot).load(blobs)
-            data = write_mesh(state, form)
+            data = matter.convert(snapshot)
             name = file_name(job.spec.name, f"_it{snapshot.iteration:05d}.{form}")
             return {
                 "name": name,
@@ -136,9 +139,9 @@ def _entries(
         for snapshot in job.snapshots:
             states.append(add_state(snapshot))
             yield
-        table = metrics_csv(metrics)
+        table = metrics_csv(matter.metrics)
         series = {"name": "metrics.csv", "bytes": len(table), "sha256": add("metrics.csv", table, text=True)}
-        manifest = _manifest(job, mesh) | {"snapshots": states, "metrics": series}
+        manifest = _manifest(job, matter.mesh) | {"snapshots": states, "metrics": series}
         add("manifest.json", json.dumps(manifest, indent=2, ensure_ascii=False).encode(), text=True)
 
 

@@ -31,7 +31,7 @@ _SHARE: Final = 16  # the folder is looked through each time it may have grown b
 _PART: Final = ".part"
 _ABANDONED_S: Final = 24 * 3600.0  # a file that has been in the making for longer than that is nobody's
 
-Build = Callable[[BinaryIO], None]
+Build = Callable[[BinaryIO], object]
 
 
 class CachedFile:
@@ -93,7 +93,7 @@ class FileCache:
             OSError: the disk is full, and the file is not small; or what `build` raises.
 
         """
-        key = hashlib.sha256(repr(parts).encode()).hexdigest()
+        key = _key(parts)
         found = await to_thread.run_sync(self._open, key)
         if found is not None:
             return found
@@ -104,6 +104,15 @@ class FileCache:
         finally:
             if not lock.locked():
                 self._building.pop(key, None)
+
+    def read(self, parts: object, make: Callable[[], bytes]) -> bytes:
+        """Return the content of the file made of these parts; of several who ask at once in threads each makes it."""
+        with (
+            self._open_or_build(_key(parts), lambda file: file.write(make()), True) as found,
+            found.take() as file,
+        ):
+            file.seek(0)
+            return file.read(found.size)
 
     def _open(self, key: str) -> CachedFile | None:
         try:
@@ -178,6 +187,10 @@ class FileCache:
             if used_at < old if path.endswith(_PART) else kept > bound or number >= MOST_FILES:
                 Path(path).unlink(missing_ok=True)
         self._added = 0
+
+
+def _key(parts: object) -> str:
+    return hashlib.sha256(repr(parts).encode()).hexdigest()
 
 
 def _in_memory(build: Build) -> CachedFile:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated, BinaryIO, Literal
+from typing import Annotated, Literal
 
 from fastapi import Query
 from starlette.requests import Request
@@ -20,6 +21,7 @@ from spherify.formats.names import extension
 from spherify.geometry.fields import FieldName, vertex_field
 from spherify.jobs import layout
 from spherify.jobs.model import Job, MeshRecord, Snapshot
+from spherify.jobs.ports import BlobStore
 
 PrecisionValue = Literal["double", "float"]
 Precision = Annotated[
@@ -94,29 +96,30 @@ async def converted_snapshot(
     )
 
 
-async def _converted(request: Request, services: Services, target: Target, form: Form) -> Response:
-    """Convert, once: the file is kept under what determines its bytes, and its tag is made of the bytes."""
+def conversion(blobs: BlobStore, state: State, form: Form) -> tuple[object, Callable[[], bytes]]:
+    """Return what determines the bytes of a state in a form, and what makes them."""
 
-    def build(file: BinaryIO) -> None:
-        start, state = target.state.load(services.stores.blobs)
+    def make() -> bytes:
+        start, now = state.load(blobs)
         colours = (
-            vertex_colours(form.color, vertex_field(form.color, start, state.vertices))
-            if form.color
-            else None
+            vertex_colours(form.color, vertex_field(form.color, start, now.vertices)) if form.color else None
         )
         try:
-            data = write_mesh(state, form.format, precision=form.precision, ascii=form.ascii, colours=colours)
+            return write_mesh(now, form.format, precision=form.precision, ascii=form.ascii, colours=colours)
         except InvalidExportError as e:
             raise invalid("query/ascii", "no-text-form", str(e)) from e
-        file.write(data)
 
+    return ("mesh", state.source, form, __version__), make
+
+
+async def _converted(request: Request, services: Services, target: Target, form: Form) -> Response:
+    """Convert, once: the file is kept under what determines its bytes, and its tag is made of the bytes."""
     if form.color is not None and form.format not in COLOURED:
         raise invalid(
             "query/color", "no-colours", f"{form.format} holds no colours; {', '.join(COLOURED)} do"
         )
-
-    parts = ("mesh", target.state.source, form, __version__)
-    with await services.cache.get(parts, build, services.conversions) as file:
+    parts, make = conversion(services.stores.blobs, target.state, form)
+    with await services.cache.get(parts, lambda file: file.write(make()), services.conversions) as file:
         content = Content(
             size=file.size,
             etag=file.etag,

@@ -11,8 +11,9 @@ from fastapi import APIRouter, Query, Request, Response
 
 from service import archive
 from service import documentation as doc
+from service.arrays import State
 from service.context import Context
-from service.conversion import Ascii, Color, Form, Precision, converted_snapshot
+from service.conversion import Ascii, Color, Form, Precision, conversion, converted_snapshot
 from service.delivery import (
     IMMUTABLE,
     REVALIDATE,
@@ -38,10 +39,11 @@ from service.uploads import check_space
 from spherify import __version__
 from spherify.formats import FORMATS_OUT
 from spherify.jobs.errors import JobNotFinishedError
-from spherify.jobs.model import Job, MeshRecord
+from spherify.jobs.model import Job, MeshRecord, Snapshot
 
 router = APIRouter(prefix="/v1/jobs/{job_id}", tags=["Snapshots"], dependencies=[KNOWN_QUERY])
 VARY = "Accept"
+_KEPT_SHARE = 2  # of the cache: so much of it may be taken by the states of one archive
 
 
 @router.get(
@@ -250,20 +252,25 @@ async def download_archive(
     job, mesh, metrics = await to_thread.run_sync(read)
 
     sizes = [snapshot.size for snapshot in job.snapshots]
+    streamed = sum(sizes) > archive.STREAMED_BYTES
+    kept = (
+        streamed and sum(sizes) < context.settings.cache_bytes / _KEPT_SHARE
+    )  # else it is kept as a whole, or too much
+
+    def convert(snapshot: Snapshot) -> bytes:
+        parts, make = conversion(stores.blobs, State(job.spec.mesh_id, snapshot), Form(format))
+        return context.cache.read(parts, make) if kept else make()
+
+    matter = archive.Matter(job, mesh, metrics, format, convert)
     name = file_name(job.spec.name, ".zip")
-    if sum(sizes) > archive.STREAMED_BYTES:
+    if streamed:
         check_space(stores.blobs.scratch(), max(sizes), context.settings.min_free_bytes)
-        return await stream(
-            request,
-            archive.archive_parts(stores.blobs, job, mesh, metrics=metrics, form=format),
-            context.conversions,
-            archive.MEDIA_TYPE,
-            name,
-        )
+        made = archive.archive_parts(stores.blobs.scratch(), matter)
+        return await stream(request, made, context.conversions, archive.MEDIA_TYPE, name)
 
     def build(file: BinaryIO) -> None:
         check_space(context.cache.folder, sum(sizes), context.settings.min_free_bytes)
-        archive.write_archive(file, stores.blobs, job, mesh, metrics=metrics, form=format)
+        archive.write_archive(file, matter)
 
     parts = ("archive", job_id, job.rev, format, __version__)
     with await context.cache.get(parts, build, context.conversions, small=False) as found:

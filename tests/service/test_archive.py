@@ -10,14 +10,17 @@ import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import httpx
 import pytest
 
-from service import archive
+from service import archive, conversion
 from service.delivery import PIECE
+from service.routes import snapshots
 from service.schemas import metrics_out
+from spherify.formats import write_mesh
+from spherify.geometry.mesh import TriangleMesh
 from spherify.settings import Settings
 from spherify.stores.connect import Stores
 from tests.service.conftest import Hand, problem
@@ -88,7 +91,30 @@ def test_a_large_archive_is_the_same_sent_as_it_is_written(
     head = client.head(path)
     assert (head.status_code, head.headers.get("content-length")) == (200, None), "nobody knows it yet"
     assert head.headers["content-disposition"] == streamed.headers["content-disposition"]
-    assert list((settings.data_dir / "cache").iterdir()) == [], "nothing is kept of it"
+    assert len(list((settings.data_dir / "cache").iterdir())) == 3, "its states are kept, not the whole"
+
+
+def test_a_large_archive_takes_what_was_converted_already(
+    client: httpx.Client, path: str, settings: Settings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = client.get(path).content
+    monkeypatch.setattr(archive, "STREAMED_BYTES", 0)
+    made: list[str] = []
+
+    def counted(state: TriangleMesh, form: str, **options: Any) -> bytes:
+        made.append(form)
+        return write_mesh(state, form, **options)
+
+    monkeypatch.setattr(conversion, "write_mesh", counted)
+    client.get(path.replace("archive.zip", "snapshots/100.ply"))
+    assert len(made) == 1
+    for _ in range(2):
+        assert client.get(path).content == whole
+    assert made == ["ply"] * 3
+    monkeypatch.setattr(snapshots, "_KEPT_SHARE", 1e9)  # as if all others had to make room for it
+    client.get(path, params={"format": "obj"})
+    assert client.get(path, params={"format": "obj"}).status_code == 200
+    assert made == ["ply"] * 3 + ["obj"] * 6
 
 
 def test_a_large_archive_that_cannot_be_ended_is_not_taken_for_a_whole_one(
@@ -109,14 +135,12 @@ def test_a_large_archive_that_cannot_be_begun_is_refused(
     problem(client.get(path), 404, "not-found")
 
 
-def test_an_entry_that_waits_for_a_slow_client_takes_no_memory(
-    path: str, stores: Stores, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_entry_that_waits_for_a_slow_client_takes_no_memory(path: str, stores: Stores) -> None:
     job = stores.jobs.get(path.split("/")[3])
     mesh = stores.meshes.get(job.spec.mesh_id)
     metrics = metrics_out(job.id, stores.jobs.metrics(job.id))
-    monkeypatch.setattr(archive, "write_mesh", lambda _state, _form: bytes(8 * MIB))
-    parts = archive.archive_parts(stores.blobs, job, mesh, metrics=metrics, form="ply")
+    matter = archive.Matter(job, mesh, metrics, "ply", lambda _: bytes(8 * MIB))
+    parts = archive.archive_parts(stores.blobs.scratch(), matter)
     tracemalloc.start()
     try:
         entry = next(parts)
@@ -137,7 +161,7 @@ def test_a_client_that_leaves_a_large_archive_leaves_nothing_open(
         return made[-1]
 
     monkeypatch.setattr(archive, "STREAMED_BYTES", 0)
-    monkeypatch.setattr(archive, "write_mesh", lambda _state, _form: bytes(64 * MIB))  # no pipe holds that
+    monkeypatch.setattr(conversion, "write_mesh", lambda *_, **__: bytes(64 * MIB))  # no pipe holds that
     monkeypatch.setattr(archive, "TemporaryFile", temporary)
     gc.disable()  # which would close it too, one day
     try:
