@@ -8,3 +8,17 @@ export function painted(): Promise<void> {
     });
   });
 }
+
+/** Wait until the page has nothing else to do, a moment at most. */
+export function idle(): Promise<void> {
+  return new Promise((resolve) => {
+    if (typeof requestIdleCallback === 'function')
+      requestIdleCallback(
+        () => {
+          resolve();
+        },
+        { timeout: 400 },
+      );
+    else setTimeout(resolve, 300); // Safari
+  });
+}

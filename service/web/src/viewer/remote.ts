@@ -20,6 +20,11 @@ function started(): Worker {
   return made;
 }
 
+/** Have the worker started before the first canvas, while there is time. */
+export function warm(): void {
+  if (drawsInWorkers()) worker ??= started();
+}
+
 /** A canvas that the worker draws. */
 export class Remote {
   private readonly id = ++last;

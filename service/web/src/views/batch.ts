@@ -43,7 +43,7 @@ export class BatchView implements View {
   }
 
   render(): TemplateResult {
-    const judged = this.entries.filter((entry) => entry.mesh || entry.problem).length;
+    const judged = this.entries.filter((entry) => entry.mesh !== null || entry.problem !== null).length;
     const ready = this.ready;
     const begun = this.entries.some((entry) => entry.job !== null);
     return html`<div class="batch">

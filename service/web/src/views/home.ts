@@ -4,8 +4,9 @@ import type { Job } from '../api/types';
 import { share } from '../core/format';
 import { PLAIN } from '../core/route';
 import { dropZone } from '../ui/dropzone';
-import { painted } from '../ui/painted';
+import { idle, painted } from '../ui/painted';
 import { reducedMotion } from '../ui/theme';
+import { warm } from '../viewer/remote';
 import type { Context, View } from './context';
 import type { Stage } from './stage';
 import { upOf } from './up';
@@ -23,6 +24,7 @@ export class HomeView implements View {
 
   constructor(private readonly context: Context) {
     void this.load();
+    void this.prepare();
   }
 
   render(): TemplateResult {
@@ -146,6 +148,15 @@ export class HomeView implements View {
   private open(job: Job): void {
     const look = { ...PLAIN, up: upOf(job) };
     this.context.go({ view: 'job', shown: { job: job.id, iteration: job.done ? 0 : null }, look });
+  }
+
+  /** Fetch what the next step needs: a file that is dropped is drawn the sooner. */
+  private async prepare(): Promise<void> {
+    await painted();
+    await idle();
+    if (this.isClosed()) return;
+    warm();
+    await import('./mesh').catch(() => undefined); // if it fails it is said when it is wanted
   }
 
   /** Look for the gallery until all of it is there. */

@@ -3,7 +3,7 @@ import { Emitter } from '../core/emitter';
 import type { CameraView, Up } from '../core/route';
 import { Shelf } from '../core/shelf';
 import type { MeshWorker } from '../mesh/pool';
-import { painted } from '../ui/painted';
+import { idle, painted } from '../ui/painted';
 import { drawsInWorkers, Remote } from '../viewer/remote';
 
 const SIZE = 192;
@@ -110,19 +110,6 @@ function address(blob: Blob): Promise<string> {
       reject(reader.error ?? new Error('the picture could not be read'));
     };
     reader.readAsDataURL(blob);
-  });
-}
-
-function idle(): Promise<void> {
-  return new Promise((resolve) => {
-    if (typeof requestIdleCallback === 'function')
-      requestIdleCallback(
-        () => {
-          resolve();
-        },
-        { timeout: 400 },
-      );
-    else setTimeout(resolve, 300); // Safari
   });
 }
 
