@@ -11,10 +11,14 @@ from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from dataclasses import dataclass, field
+from functools import partial
 
 from service.job_answers import JobDocuments
+from spherify.jobs.errors import JobsError
 from spherify.jobs.model import Job
 from spherify.jobs.ports import JobStore
+
+_Done = asyncio.Future[dict[str, Job | JobsError]]
 
 
 @dataclass(eq=False, slots=True)
@@ -22,7 +26,7 @@ class _Reading:
     """Jobs that are read together, and what was found of each."""
 
     known: dict[str, Job | None] = field(default_factory=dict)
-    found: Mapping[str, Job | Exception] = field(default_factory=dict)
+    found: Mapping[str, Job | BaseException] = field(default_factory=dict)
     over: asyncio.Event = field(default_factory=asyncio.Event)
 
 
@@ -39,7 +43,7 @@ class JobReader:
         self._jobs = jobs
         self._documents = documents
         self._next = _Reading()
-        self._task: asyncio.Task[None] | None = None
+        self._busy = False
         # Of its own: whatever else is slow does not hold this up; and a hop to it costs half of one to those of anyio.
         self._thread = ThreadPoolExecutor(1, "jobs")
 
@@ -47,26 +51,27 @@ class JobReader:
         """Return a job as it is after this was asked; raises as `JobStore.get` does."""
         reading = self._next
         reading.known.setdefault(job_id, self._documents.job(job_id))
-        if self._task is None:
-            self._task = asyncio.create_task(self._read())
+        if not self._busy:
+            self._begin()
         await reading.over.wait()
         found = reading.found[job_id]
-        if isinstance(found, Exception):
+        if isinstance(found, BaseException):
             raise copy(found)  # it is told to many, and gathers a traceback each time
         return found
 
-    async def _read(self) -> None:
+    def _begin(self) -> None:
+        reading, self._next = self._next, _Reading()
+        self._busy = True
         run = asyncio.get_running_loop().run_in_executor
-        try:
-            while self._next.known:
-                reading, self._next = self._next, _Reading()
-                try:
-                    reading.found = await run(self._thread, self._jobs.get_all, reading.known)
-                except Exception as e:  # noqa: BLE001 (raised to everyone who asked)
-                    reading.found = dict.fromkeys(reading.known, e)
-                for job in reading.found.values():
-                    if isinstance(job, Job):
-                        self._documents.keep(job)
-                reading.over.set()
-        finally:
-            self._task = None
+        run(self._thread, self._jobs.get_all, reading.known).add_done_callback(partial(self._end, reading))
+
+    def _end(self, reading: _Reading, done: _Done) -> None:
+        error = done.exception()
+        reading.found = done.result() if error is None else dict.fromkeys(reading.known, error)
+        reading.over.set()
+        self._busy = False
+        if self._next.known:
+            self._begin()
+        for job in reading.found.values():
+            if isinstance(job, Job):
+                self._documents.keep(job)
