@@ -5,7 +5,7 @@ import type { CameraView, Up } from './route';
 type Vector = readonly [number, number, number];
 
 /** Where one looks from at first: a little from above, a little from the side. */
-export const FRONT: CameraView = { azimuth: 0.65, elevation: 0.38, distance: 3.1, target: [0, 0, 0] };
+export const FRONT: CameraView = { azimuth: 0.65, elevation: 0.38, distance: 3.3, target: [0, 0, 0] };
 
 /** How far from the poles the camera stays, in radians: there is no upright at a pole. */
 const POLE = 1e-3;

@@ -109,11 +109,12 @@ export class Painter {
     paints.clay.facets = scene.facets;
     paints.clay.colours(scene.colours);
     if (surface) {
+      this.show(surface, scene);
       surface.wire.visible = scene.wire;
       const { eye, target, fieldOfView } = scene.pose;
       const distance = Math.hypot(...eye.map((value, axis) => value - (target[axis] ?? 0)));
-      paints.opacity = lineOpacity(surface.triangles, distance, fieldOfView, scene.size.height);
-      this.show(surface, scene);
+      const edge = surface.edge * this.frame.scale.x;
+      paints.opacity = lineOpacity(edge, distance, fieldOfView, scene.size.height);
     }
     renderer.render(this.space, this.camera);
   }

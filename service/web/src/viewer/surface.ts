@@ -1,4 +1,5 @@
 import { BufferAttribute, BufferGeometry, Mesh, type ShaderMaterial } from 'three';
+import { meanEdge } from '../core/lines';
 import type { Frame } from '../mesh/types';
 import { SurfaceMaterial, wireMaterial } from './material';
 
@@ -70,17 +71,16 @@ export class SurfaceMesh {
   private readonly geometry = new BufferGeometry();
   readonly mesh: Mesh;
   readonly wire: Mesh;
-  readonly triangles: number;
+  private measured: { readonly frame: Frame; readonly edge: number } | null = null;
   private readonly before: Slot;
   private readonly after: Slot;
 
   /** @param paints of the canvas, which outlive the surface: a new one would have to be compiled. */
   constructor(
     private readonly paints: Paints,
-    index: Uint32Array,
+    private readonly index: Uint32Array,
     vertices: number,
   ) {
-    this.triangles = index.length / 3;
     this.mesh = new Mesh(this.geometry, paints.clay);
     this.wire = new Mesh(this.geometry, paints.lines);
     this.geometry.setIndex(new BufferAttribute(index, 1));
@@ -91,8 +91,15 @@ export class SurfaceMesh {
     this.wire.visible = false;
   }
 
+  /** Mean length of an edge of the state that is shown, in units of the file. */
+  get edge(): number {
+    return this.measured?.edge ?? 0;
+  }
+
   /** Show the mix of two states. */
   show(before: Coloured, after: Coloured, blend: number): void {
+    if (this.measured?.frame !== before.frame)
+      this.measured = { frame: before.frame, edge: meanEdge(this.index, before.frame.positions) };
     this.before.put(before);
     if (blend > 0) this.after.put(after);
     this.paints.clay.blend = blend;
