@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,14 +51,14 @@ class Shape:
     @property
     def finite(self) -> bool:
         """Whether every number is finite."""
-        return bool(np.isfinite([self.area, self.volume, self.mean_edge, self.radius_variation]).all())
+        return all(map(math.isfinite, (self.area, self.volume, self.mean_edge, self.radius_variation)))
 
 
 def sphericity(area: float, volume: float) -> float:
     """Ψ = π^(1/3) (6V)^(2/3) / A: 1 for a sphere, less for every other surface; blind to the sign of V."""
     if area == 0:
         return 0.0
-    return float(np.cbrt(np.pi) * np.cbrt(6 * volume) ** 2 / area)
+    return math.cbrt(math.pi) * math.cbrt(6 * volume) ** 2 / area
 
 
 def radii(V: Floats, centre: Floats) -> Floats:

@@ -88,7 +88,7 @@ class Control(NamedTuple):
     @classmethod
     def of(cls, progress: Progress) -> Control:
         """Read it from where a run is."""
-        return cls(*map(float, progress.memory["control"]))
+        return cls(*progress.memory["control"].tolist())
 
 
 class CurvatureTransformation:
