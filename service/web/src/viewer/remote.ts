@@ -14,7 +14,8 @@ function started(): Worker {
   made.onmessage = ({ data }: MessageEvent<{ canvas: number; told: Told }>) => {
     open.get(data.canvas)?.hear(data.told);
   };
-  made.onerror = () => {
+  made.onerror = (event) => {
+    if (!event.message && worker === made) worker = null; // its code could not be fetched: tried again next time
     for (const remote of open.values()) remote.hear({ told: 'state', state: 'unsupported' });
   };
   return made;
