@@ -1,54 +1,111 @@
-"""One elementary step of each preset by each engine, and by vtkCurvatures with numpy."""
+"""What a run does once an iteration, by each engine and preset, and by vtkCurvatures with numpy."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
 
 from benchmarks.timing import best_of
 from benchmarks.vtk_step import VtkStep
-from spherify.geometry.config import Stage
-from spherify.geometry.kernels import ENGINES, get_engine
+from spherify.geometry.config import FlowConfig, Stage
+from spherify.geometry.flow import flow
+from spherify.geometry.kernels import ENGINES, Engine, get_engine
+from spherify.geometry.mesh import Floats, TriangleMesh
 from spherify.geometry.presets import PRESETS
 from spherify.geometry.samples import SAMPLES
 from spherify.geometry.topology import Topology
 
-SIZES = (2_500, 10_000, 40_000, 160_000)
-ONE_EACH = Stage(1, 1, 1)  # one inward and one outward step
+SIZES = (2_500, 10_000, 40_000, 100_000)
+PAIRS = tuple(product(("paper", "robust"), ENGINES))
+STEP = 1e-6  # C: the surface stays what it is
 ROUNDS = 7
+IN_A_ROW = 100_000  # vertices of a turn's calls, so that small meshes are in the caches as in a run
 VTK = "vtkCurvatures + numpy"
+STEPS = 4  # elementary, in an iteration of the first stage of either preset
 
 
 def main() -> None:
-    """Print nanoseconds a vertex and step, and how many times as quick as numpy and as VTK with numpy each one is."""
-    print("One elementary step on a stone, one thread; the best of", ROUNDS, "interleaved rounds.")
+    """Print nanoseconds a vertex, of an elementary step and of an iteration of a run, and how they compare."""
     print(
-        f"{'vertices':>9}  {'how':<22} {'ns a vertex':>11} {'against numpy':>14} {'against VTK + numpy':>20}"
+        "On a stone; processor time, the best of",
+        ROUNDS,
+        "rounds in turn, each given what its last one returned.",
+    )
+    print(
+        f"{'vertices':>9}  {'how':<22} {'ns a step':>10} {'× numpy':>9} {'× VTK + numpy':>14}"
+        f" {'ns an iteration of a run':>25} {'× numpy':>9}"
     )
     for size in SIZES:
         mesh = SAMPLES["stone"].build(size)
-        V = np.array(mesh.vertices)
-        seconds = best_of({VTK: _vtk(VtkStep(mesh), V), **_engines(mesh.faces, V)}, ROUNDS)
-        for name, best in seconds.items():
-            ours = seconds.get(f"reference, {name.split(', ')[-1]}")
-            line = f"{len(V):>9,}  {name:<22} {best / 2 / len(V) * 1e9:>11.0f}"
-            line += f" {ours / best:>13.2f}×" if ours else f" {'':>14}"
-            print(f"{line} {seconds[VTK] / best:>19.2f}×")
+        per = 1e9 / len(mesh.vertices)
+        steps = {f"{engine}, {preset}": chained(mesh, get_engine(engine), preset) for preset, engine in PAIRS}
+        runs = {f"run: {engine}, {preset}": _run(mesh, engine, preset) for preset, engine in PAIRS}
+        rivals = {VTK: _vtk(mesh), **steps, **runs}
+        seconds = best_of(rivals, ROUNDS, max(2, IN_A_ROW // len(mesh.vertices)), time.process_time)
+        print(f"{len(mesh.vertices):>9,}  {VTK:<22} {seconds[VTK] * per / STEPS:>10.1f}", flush=True)
+        for preset, engine in PAIRS:
+            name, numpy = f"{engine}, {preset}", f"reference, {preset}"
+            once, whole = seconds[name], seconds[f"run: {name}"]
+            print(
+                f"{len(mesh.vertices):>9,}  {name:<22} {once * per / STEPS:>10.1f} {seconds[numpy] / once:>9.2f}"
+                f" {seconds[VTK] / once:>14.2f} {whole * per:>25.1f} {seconds[f'run: {numpy}'] / whole:>9.2f}",
+                flush=True,
+            )
 
 
-def _vtk(step: VtkStep, V: np.ndarray) -> Callable[[], object]:
-    return lambda: step(step(V, 1e-6, outward=False), 1e-6, outward=True)
+def configuration(preset: str) -> FlowConfig:
+    """Return the configuration of a preset of the transformation."""
+    config = PRESETS[preset].config
+    if not isinstance(config, FlowConfig):
+        raise TypeError(f"{preset} is of another method")
+    return config
 
 
-def _engines(faces: np.ndarray, V: np.ndarray) -> dict[str, Callable[[], object]]:
-    topology = Topology.of(len(V), faces)
-    found: dict[str, Callable[[], object]] = {}
-    for engine, preset in product(ENGINES, ("paper", "robust")):
-        config = PRESETS[preset].config
-        kernel = get_engine(engine).prepare(topology, config)
-        found[f"{engine}, {preset}"] = lambda kernel=kernel, config=config: kernel.transform(
-            V, ONE_EACH, 1e-6, config.relaxation
-        )
-    return found
+def _stage(config: FlowConfig) -> Stage:
+    """Return the preset's first stage, checked to have as many steps as the figures are divided by."""
+    stage = config.schedule[0]
+    if stage.k_in + stage.k_out != STEPS:
+        raise ValueError(f"an iteration has {stage.k_in + stage.k_out} elementary steps, not {STEPS}")
+    return stage
+
+
+def chained(mesh: TriangleMesh, engine: Engine, preset: str) -> Callable[[], Floats]:
+    """Return T of a preset's first stage, from where it led the last time."""
+    config = configuration(preset)
+    kernel = engine.prepare(Topology.of(len(mesh.vertices), mesh.faces), config)
+    V, stage = np.asfortranarray(mesh.vertices), _stage(config)
+
+    def once() -> Floats:
+        nonlocal V
+        moved = kernel.transform(V, stage, STEP, config.relaxation)
+        if moved is None:
+            raise ValueError("the curvature is the same everywhere")
+        V = moved
+        return V
+
+    return once
+
+
+def _run(mesh: TriangleMesh, engine: str, preset: str) -> Callable[[], object]:
+    """Return one iteration of a run that nothing ends, from the state of the last time; without metrics and files."""
+    config = replace(configuration(preset), annealing=None, unfolding=None, stop_radius_variation=0.0)
+    states: Iterator[object] = flow(mesh, config, engine=engine)
+    next(states)  # the mesh as it came
+    return lambda: next(states)
+
+
+def _vtk(mesh: TriangleMesh) -> Callable[[], object]:
+    """Return the steps of an iteration of `paper`, from where they led the last time."""
+    step, stage = VtkStep(mesh), _stage(configuration("paper"))
+    V: Floats = np.array(mesh.vertices)
+
+    def once() -> None:
+        nonlocal V
+        for outward in [False] * stage.k_in + [True] * stage.k_out:
+            V = step(V, STEP, outward=outward)
+
+    return once
