@@ -16,7 +16,7 @@ for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "VTK_SMP_MAX_THREADS"):
 import benchmarks  # noqa: E402 - after the threads are set
 from benchmarks.machine import description  # noqa: E402
 
-ORDER = ("kernels", "scaling", "roundness", "formats", "service")
+ORDER = ("kernels", "scaling", "roundness", "formats", "service", "page")
 PACKAGES = ("numpy", "numba", "scipy", "vtk", "trimesh", "lapy", "celery", "fastapi", "uvicorn")
 
 
