@@ -24,7 +24,7 @@ LIMIT_S = 200  # on a machine that does much else
         pytest.param(1, {"kill_worker": 4}, id="workers-killed"),
         pytest.param(2, {"kill_runner": 4, "kill_child": 3}, id="children-and-runners-killed"),
         pytest.param(4, {"kill_broker": 2, "stop_broker": 1}, id="broker-killed-and-stopped"),
-        pytest.param(6, {"freeze_worker": 2, "half_open": 2}, id="frozen-and-half-open"),
+        pytest.param(6, {"freeze_worker": 2, "half_open": 1}, id="frozen-and-half-open"),
         pytest.param(7, {"flush": 2}, id="records-flushed"),
         pytest.param(9, {"stop_worker": 4}, id="workers-restarted"),
     ],
