@@ -7,6 +7,7 @@ import uuid
 from collections.abc import Iterator
 from pathlib import Path
 
+import hypothesis
 import pytest
 import redis
 
@@ -20,6 +21,10 @@ from tests.stack import Stack, started_stack
 # Tests decide on their settings themselves; a developer's own environment must not reach them.
 for _name in [name for name in os.environ if name.startswith(("SPHERIFY_", "AWS_")) or name == "REDIS_URL"]:
     del os.environ[_name]
+
+# No test fails because the machine has something else to do.
+hypothesis.settings.register_profile("untimed", deadline=None)
+hypothesis.settings.load_profile("untimed")
 
 
 @pytest.hookimpl(tryfirst=True)

@@ -40,6 +40,7 @@ def run(mesh, config):
         assert np.isfinite(state.vertices).all()
         assert (state.stop_reason is not None) == (state.stop_detail is not None) == (state is states[-1])
         assert state.best.sphericity >= state.sphericity
+        assert state.best_iteration == state.best.iteration
         assert state.best.sphericity == max(earlier.sphericity for earlier in states[: i + 1])
         if closed and i % 20 == 0:
             assert state.metrics().volume > 0
