@@ -58,7 +58,7 @@ class AnnealingParameters(_Strict):
 
 
 class UnfoldingParameters(_Strict):
-    """From `sphericity` on, if faces look inward or have nearly vanished by then: finish on the sphere."""
+    """From `sphericity` on, or where nothing gets rounder: radii are evened out and folds undone, on the sphere."""
 
     sphericity: Annotated[float, Field(gt=0, lt=1, title="Sphericity", description="Not before this Ψ.")]
     exponent: Annotated[
@@ -191,8 +191,8 @@ class CurvatureParameters(_Shared):
         UnfoldingParameters | None,
         Field(
             title="Unfolding",
-            description="Closed meshes: once nearly round and folded, steps go along the radii, and directions are "
-            "drawn to those of their neighbours until no face looks inward; null is off.",
+            description="Closed meshes of genus 0: once nearly round, the radii are evened out, and directions are "
+            "drawn to those of their neighbours until no face looks inward; then T goes on. null is off.",
         ),
     ]
 

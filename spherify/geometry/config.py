@@ -61,16 +61,16 @@ class Annealing:
 
 @dataclass(frozen=True, slots=True)
 class Unfolding:
-    """Finish on the sphere: see `spherify.geometry.unfolding`. Ours; of closed meshes only.
+    """Go on upon the sphere: see `spherify.geometry.unfolding`. Ours; of closed surfaces of genus 0 in one piece.
 
-    It begins once the surface is that round, if by then a face looks inward or has nearly vanished; or, less round,
-    where nothing gets rounder any more. The radii are evened out, and rounds of unfolding follow each iteration while a
-    face looks inward, and of drawing apart while one has nearly vanished. After that T goes on along the radii.
+    It begins once the surface is that round; or, less round, where nothing gets rounder any more. The radii are evened
+    out, and rounds of unfolding follow each iteration while a face looks inward, and of drawing apart while one has
+    nearly vanished. After that T goes on along the normals; and, should faces turn inward again, along the radii.
 
     Attributes:
         sphericity: from which on.
         exponent: neighbours weigh (area of the triangles at them) to this power.
-        rounds: after each iteration.
+        rounds: after each iteration of it.
 
     """
 

@@ -35,8 +35,9 @@ PRESETS: Final = {
         Preset(
             "robust",
             "Robust",
-            "Round spheres from real meshes: the same transformation of the curvature per dual area, with a percentile "
-            "window, a step bound, tangential relaxation, momentum, annealing and unfolding. Ends by itself.",
+            "Round spheres from real meshes, animals with limbs included. The transformation of the paper, with steps "
+            "that suit the size of each triangle; once nearly round, what has folded is turned outward again. "
+            "Ends by itself.",
             FlowConfig(
                 iterations=5_000,
                 measure="dual-area",
@@ -50,7 +51,7 @@ PRESETS: Final = {
                 momentum=0.98,
                 rescale="area",
                 annealing=Annealing(patience=50, factor=0.5, min_step=1e-4),
-                unfolding=Unfolding(sphericity=0.99, exponent=4.0, rounds=16),
+                unfolding=Unfolding(sphericity=0.9, exponent=4.0, rounds=16),
                 stop_radius_variation=1e-3,
             ),
         ),

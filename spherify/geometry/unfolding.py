@@ -38,6 +38,7 @@ NO_FLIP: Final = (
     0.3  # of the least altitude around: two corners that come nearer by half of it flip a triangle
 )
 CROWDED: Final = 1e-5  # share of the mean area, of a triangle whose corners are drawn apart
+EVENING: Final = 0.05  # of the greatest curvature of the radii, the step of evening them out
 EQUAL_RADII: Final = 1e-15  # a curvature below this share of the radius is rounding
 
 
@@ -165,18 +166,19 @@ def _tangents(U: Floats) -> tuple[Floats, Floats]:
     return first, np.cross(U, first)
 
 
-def evened_out(V: Floats, topology: Topology, centre: Floats, k_in: int, k_out: int) -> Floats | None:
+def evened_out(V: Floats, centre: Floats, k_in: int, k_out: int) -> Floats | None:
     """Apply T_(k_in, k_out, C) along the radii: directions stay, so that no face can be turned.
 
     The normal curvature of the edge from p to q, with the direction of p for the normal, is that of the sphere about c
     through p where |q - c| = |p - c|. What it exceeds that by, times |p - q|², is a length as K(e) = l·θ of the paper
     is, and, with the mean radius of the edge in the place of that of p, K(e) = 2 (|p - c| - |q - c|). K(p) is half its
-    average over the edges: 0 on a round sphere whatever its triangles, which curvature from angles and areas is not.
-    The window is [-C, C] with C the greatest |K|, the longest step that does not overshoot; but no vertex passes c.
+    average over the edges from p to *all* other vertices, |p - c| less the mean radius: over those of the mesh alone,
+    a bulge over half of the surface would take as many steps as there are vertices across it, squared. It is 0 on a
+    round sphere whatever its triangles, which curvature from angles and areas is not. The window is ±g with g the
+    greatest |K|, and C = EVENING·g: an inward and an outward step leave about 1 - EVENING of every K.
 
     Args:
         V: (n, 3) positions.
-        topology: of the mesh, closed.
         centre: (3,) c.
         k_in: elementary steps inward.
         k_out: elementary steps outward, after them.
@@ -185,21 +187,19 @@ def evened_out(V: Floats, topology: Topology, centre: Floats, k_in: int, k_out: 
         (n, 3) new positions; None if all radii are equal.
 
     """
-    n = topology.n_vertices
-    a, b = topology.edges[:, 0], topology.edges[:, 1]
-    degrees = np.bincount(topology.edges.reshape(-1), minlength=n)
-    before = measures.norm(V - centre)
+    spokes = V - centre
+    before = measures.norm(spokes)
     radii = before
     for i in range(k_in + k_out):
-        K = radii - (measures.scatter(a, radii[b], n) + measures.scatter(b, radii[a], n)) / degrees
-        greatest, least = float(np.abs(K).max()), float(radii.min())
-        if greatest <= EQUAL_RADII * least:
+        K = radii - radii.mean()
+        greatest = float(np.abs(K).max())
+        if greatest <= EQUAL_RADII * float(radii.min()):
             if i == 0:
                 return None
             break
         t = (K + greatest) / (2 * greatest)
-        radii = radii + min(greatest, 0.5 * least) * (-t if i < k_in else 1 - t)
-    return np.asfortranarray(centre + (radii / before)[:, None] * (V - centre))
+        radii = radii + EVENING * greatest * (-t if i < k_in else 1 - t)
+    return np.asfortranarray(centre + (radii / before)[:, None] * spokes)
 
 
 def folds(U: Floats, F: Ints) -> tuple[int, float]:
@@ -208,3 +208,16 @@ def folds(U: Floats, F: Ints) -> tuple[int, float]:
     areas = measures.norm(vectors)
     inward = int((measures.dot(vectors, measures.gather(U, F[:, 0])) <= 0).sum())
     return inward, float(areas.min() / areas.mean())
+
+
+def covering(U: Floats, F: Ints) -> tuple[int, float]:
+    """Return how often the triangles of directions U (n, 3) cover the sphere, and the share of it that inward ones do.
+
+    The signed solid angles over 4π: their sum is the degree of the map, and whole; no unfolding can change it. By
+    A. van Oosterom and J. Strackee, "The solid angle of a plane triangle", 1983.
+    """
+    a, b, c = (measures.gather(U, F[:, k]) for k in range(3))
+    volumes = measures.dot(a, np.cross(b, c))
+    angles = 2 * np.arctan2(volumes, 1 + measures.dot(a, b) + measures.dot(b, c) + measures.dot(c, a))
+    whole = 4 * np.pi
+    return round(float(angles.sum()) / whole), float(-angles[angles < 0].sum()) / whole

@@ -66,7 +66,7 @@ class TestReasonsToStop:
         assert only.stop_reason is StopReason.ITERATIONS
 
     def test_converged(self):
-        config = replace(ROBUST, stop_radius_variation=0.01)
+        config = replace(ROBUST, unfolding=None, stop_radius_variation=0.01)
         states = run(jittered(icosphere(5), 0.1), config)
         assert states[-1].stop_reason is StopReason.CONVERGED
         assert states[-1].metrics().radius_variation < 0.01

@@ -37,7 +37,7 @@ from spherify.geometry.kernels.passes.types import (
     Mode,
     Task,
 )
-from spherify.geometry.kernels.passes.unfolding import even_out, move_radially, spread, unfold
+from spherify.geometry.kernels.passes.unfolding import move_radially, spread, unfold
 from spherify.geometry.kernels.positions import Positions
 from spherify.geometry.kernels.reference import ReferenceKernel
 from spherify.geometry.kernels.team import Team
@@ -56,7 +56,6 @@ ENTRIES: Final[Sequence[Callable[..., Any]]] = (
     shape.measure,
     judge,
     move_radially,
-    even_out,
     unfold,
     spread,
 )
@@ -111,16 +110,6 @@ class CompiledKernel:
                 return self._reference.transform_radially(V, stage, step, centre)
             use = self._use
             move_radially(use.position, use.curvature, found.K_min, found.K_max, step, outward, centre)
-        return self._positions.unloaded()
-
-    def even_out(self, V: Floats, stage: Stage, centre: Floats) -> Floats | None:
-        """See `spherify.geometry.kernels.interface.Kernel.even_out`."""
-        self._positions.load(V)
-        use, around = self._use, self._around()
-        if not even_out(
-            use.position, self._mesh.first, around, centre, use.curvature, stage.k_in, stage.k_out
-        ):
-            return None
         return self._positions.unloaded()
 
     def unfold(
@@ -311,6 +300,5 @@ class CompiledEngine:
         centre = kernel.shape(corners).centroid
         kernel.figures(corners, centre)
         kernel.transform_radially(corners, Stage(1, 1, 0), 0.1, centre)
-        kernel.even_out(corners, Stage(1, 1, 0), centre)
         kernel.unfold(corners, centre, np.zeros(4), exponent=1.0, damping=1.0, rounds=1)
         kernel.spread(corners, centre, 1)

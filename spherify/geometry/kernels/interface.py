@@ -38,10 +38,6 @@ class Kernel(Protocol):
         """
         ...
 
-    def even_out(self, V: Floats, stage: Stage, centre: Floats) -> Floats | None:
-        """Do what `spherify.geometry.unfolding.evened_out` does."""
-        ...
-
     def unfold(
         self, V: Floats, centre: Floats, log_weights: Floats, *, exponent: float, damping: float, rounds: int
     ) -> Unfolded:

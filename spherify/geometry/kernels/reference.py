@@ -14,7 +14,7 @@ from spherify.geometry.mesh import Floats
 from spherify.geometry.metrics import Figures, figures_of
 from spherify.geometry.roundness import Shape, shape_of
 from spherify.geometry.topology import Topology
-from spherify.geometry.unfolding import Unfolded, evened_out, spread, unfolded
+from spherify.geometry.unfolding import Unfolded, spread, unfolded
 
 
 class ReferenceKernel:
@@ -32,10 +32,6 @@ class ReferenceKernel:
     def transform_radially(self, V: Floats, stage: Stage, step: float, centre: Floats) -> Floats | None:
         """See `spherify.geometry.kernels.interface.Kernel.transform_radially`."""
         return self._applied(V, stage, partial(self._radial_step, step=step, centre=centre))
-
-    def even_out(self, V: Floats, stage: Stage, centre: Floats) -> Floats | None:
-        """See `spherify.geometry.kernels.interface.Kernel.even_out`."""
-        return evened_out(V, self._topology, centre, stage.k_in, stage.k_out)
 
     def unfold(
         self, V: Floats, centre: Floats, log_weights: Floats, *, exponent: float, damping: float, rounds: int

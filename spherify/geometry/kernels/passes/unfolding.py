@@ -10,7 +10,6 @@ from spherify.geometry.kernels.passes.jit import entry, inner
 from spherify.geometry.kernels.passes.types import Floats, Indices
 from spherify.geometry.unfolding import (
     CROWDED,
-    EQUAL_RADII,
     FRACTION,
     LEAST_ALTITUDE,
     LEAST_AREA,
@@ -34,45 +33,6 @@ def move_radially(
         position[0, p] += share * x
         position[1, p] += share * y
         position[2, p] += share * z
-
-
-@entry
-def even_out(
-    position: Floats, starts: Indices, neighbours: Indices, centre: Floats, K: Floats, k_in: int, k_out: int
-) -> bool:
-    """Do what `spherify.geometry.unfolding.evened_out` does to ``position`` (3, n); K (n,) is for scratch.
-
-    Returns:
-        whether there was anything to move.
-
-    """
-    n = K.size
-    before, radius = np.empty(n), np.empty(n)
-    for p in range(n):
-        x, y, z = position[0, p] - centre[0], position[1, p] - centre[1], position[2, p] - centre[2]
-        before[p] = radius[p] = math.sqrt(x * x + y * y + z * z)
-    for i in range(k_in + k_out):
-        greatest, least = 0.0, np.inf
-        for p in range(n):
-            total = 0.0
-            for k in range(starts[p], starts[p + 1]):
-                total += radius[neighbours[k]]
-            K[p] = radius[p] - total / (starts[p + 1] - starts[p])
-            greatest = max(greatest, abs(K[p]))
-            least = min(least, radius[p])
-        if greatest <= EQUAL_RADII * least:
-            if i == 0:
-                return False
-            break
-        step = min(greatest, 0.5 * least)
-        for p in range(n):
-            t = (K[p] + greatest) / (2 * greatest)
-            radius[p] += -step * t if i < k_in else step * (1 - t)
-    for p in range(n):
-        share = radius[p] / before[p]
-        for k in range(3):
-            position[k, p] = centre[k] + share * (position[k, p] - centre[k])
-    return True
 
 
 @entry

@@ -1,0 +1,126 @@
+"""What a run of the curvature transformation does next: its phases, and the rules that lead from one to another.
+
+    NORMALS ──── round enough ───> SPHERE ── all outward, radii equal ──> SMOOTHING
+       └── no rounder ─> FOLDED ─────┘  └── thin, or again ──> RADII          │ folds
+                                     └────────────────────────────────────────┘
+
+NORMALS, SMOOTHING and RADII can be the last.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from spherify.geometry.progress import Progress
+from spherify.geometry.roundness import Shape
+from spherify.geometry.unfolding import Unfolded
+
+PLATEAU_RISE: Final = 1e-4  # a smaller rise of the best sphericity counts as none
+LOOKED_EVERY: Final = 10  # iterations between two looks for folds; and without a rise, for the end
+THIN: Final = 1e-5  # a triangle of less than this share of the mean area is as good as a fold
+FALL: Final = 0.9  # to this share of the radius variation: something got better
+VANISHING: Final = 3e-6  # triangles of less than this share of the mean area are drawn apart
+SETTLED: Final = 5e-3  # radius variation below which T takes over from the evening out of radii
+WAITED: Final = 50  # iterations, after which it does in any case
+CAREFUL: Final = 0.25  # of the step, that T along the radii begins with: folds leave small triangles
+
+
+class Phase(IntEnum):
+    """What an iteration does."""
+
+    NORMALS = 0  # T along the normals
+    FOLDED = 1  # the same for the last time: nothing got rounder
+    SPHERE = 2  # radii are evened out, and directions unfolded
+    SMOOTHING = 3  # T along the normals of what looks outward everywhere
+    RADII = 4  # T along the radii
+
+
+class Control(NamedTuple):
+    """What the next iteration depends on besides positions.
+
+    Attributes:
+        momentum: b of the next iteration.
+        annealing: what step and relaxation are multiplied by.
+        plateau: the sphericity that has to be exceeded for the waiting to begin anew.
+        waited: iterations since it was.
+        phase: a `Phase`; what follows is of SPHERE.
+        times: how often it was begun.
+        inward: faces that look inward.
+        least_area: of a triangle of directions, over their mean.
+        fewest: the least number of faces that looked inward so far.
+        variation: the radius variation that has to be fallen short of for the waiting to begin anew.
+        largest: the least area that has to be exceeded for it, once no face looks inward.
+
+    """
+
+    momentum: float
+    annealing: float
+    plateau: float
+    waited: float
+    phase: float = Phase.NORMALS
+    times: float = 0.0
+    inward: float = 0.0
+    least_area: float = 0.0
+    fewest: float = np.inf
+    variation: float = np.inf
+    largest: float = 0.0
+
+    @classmethod
+    def of(cls, progress: Progress) -> Control:
+        """Read it from where a run is."""
+        return cls(*progress.memory["control"].tolist())
+
+    def on_the_sphere(self, inward: int, least_area: float) -> Control:
+        """Return it as SPHERE begins, with what the directions are like."""
+        return Control(0.0, 1.0, 0.0, 0, Phase.SPHERE, self.times + 1, inward, least_area)
+
+    @property
+    def folded(self) -> bool:
+        """Whether there is something to unfold: a face looks inward, or has nearly vanished."""
+        return self.inward > 0 or self.least_area < THIN
+
+    @property
+    def spreads(self) -> bool:
+        """Whether triangles are to be drawn apart: some have all but vanished."""
+        return self.phase == Phase.SPHERE and not self.inward and self.least_area < VANISHING
+
+    def evened(self, shape: Shape, found: Unfolded) -> Control:
+        """Return it after an iteration of SPHERE; of the next phase if that is done.
+
+        Args:
+            shape: the surface after it.
+            found: what the directions are like.
+
+        """
+        waited, plateau = self.waited + 1, self.plateau
+        variation, fewest, largest = self.variation, self.fewest, self.largest
+        if shape.radius_variation < FALL * variation:
+            variation, waited = shape.radius_variation, 0
+        if shape.sphericity > plateau + PLATEAU_RISE:
+            plateau, waited = shape.sphericity, 0
+        if found.inward < fewest:
+            fewest, variation, waited = found.inward, shape.radius_variation, 0
+        if found.inward == 0 and found.least_area > largest / FALL:
+            largest, variation, waited = found.least_area, shape.radius_variation, 0
+        unfolded = not found.inward and found.least_area >= VANISHING
+        if unfolded and (shape.radius_variation < SETTLED or waited > WAITED):
+            if self.times == 1 and found.least_area >= THIN:
+                return Control(0.0, 1.0, shape.sphericity, 0, Phase.SMOOTHING, self.times)
+            return Control(0.0, CAREFUL, shape.sphericity, 0, Phase.RADII, self.times)
+        return self._replace(
+            plateau=plateau,
+            waited=waited,
+            inward=found.inward,
+            least_area=found.least_area,
+            fewest=fewest,
+            variation=variation,
+            largest=largest,
+        )
+
+
+def grown(momentum: float) -> float:
+    """Return (k + 1)/(k + 4) for k/(k + 3)."""
+    return (1 + 2 * momentum) / (4 - momentum)
