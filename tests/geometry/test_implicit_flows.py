@@ -9,11 +9,13 @@ import pytest
 from lapy import TriaMesh
 from lapy.diffgeo import tria_mean_curvature_flow
 
+from benchmarks.shapes import SHAPES
 from spherify.geometry import measures
 from spherify.geometry.config import ImplicitFlowConfig
 from spherify.geometry.errors import InvalidConfigError
 from spherify.geometry.flow import StopReason, flow
 from spherify.geometry.measures import norm
+from spherify.geometry.samples.implicit import surface
 from spherify.geometry.samples.solids import icosphere
 from spherify.geometry.topology import Topology
 from tests.geometry.shapes import FEW_STEPS, ROUNDING, open_bump, read_obj, sample, uneven_sphere
@@ -85,6 +87,13 @@ class TestConformal:
         mesh = read_obj("spot.obj")
         assert state_at(mesh, 20, **CONFORMAL).sphericity > 0.998
         assert state_at(mesh, 60, **CONFORMAL).sphericity > 0.999
+
+    def test_a_bone_is_drawn_out_and_its_best_state_handed_over(self):
+        state = last(surface(SHAPES["bone"], 800), **CONFORMAL, patience=40)
+        assert state.stop_reason is StopReason.COLLAPSED
+        assert "drew the surface out" in state.stop_detail
+        assert state.iteration == state.best.iteration
+        assert state.sphericity > 0.3
 
     def test_converges(self):
         state = last(sample("cube", 1000), **CONFORMAL, stop_radius_variation=5e-3)

@@ -6,7 +6,7 @@
 `mean-curvature` takes the stiffness L of the surface as it is now (Desbrun, Meyer, Schröder, Barr, "Implicit fairing
 of irregular meshes", 1999); it pinches off necks and limbs in finite time, beyond which it has no meaning.
 `conformal` keeps the stiffness L_0 of the start (Kazhdan, Solomon, Ben-Chen, "Can mean-curvature flow be modified to
-be non-singular?", 2012), and so flows through what would be singular.
+be non-singular?", 2012), and so flows through what would be singular; long limbs it can draw out to a line.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ PLATEAU_RISE: Final = 1e-4  # a smaller rise of the best sphericity counts as no
 # A triangle has pinched when its share of the area fell by this factor since the start. A ring that shrinks by
 # mean curvature squares its smallness in every implicit step: it passes this bound a step or two before 1e-300.
 PINCHED: Final = 1e-6
+DRAWN_OUT: Final = 0.3  # of the best sphericity of a closed surface; what falls below is on its way to a line
 _NAMED: Final = 6  # triangles and vertices named in a sentence
 
 
@@ -107,8 +108,11 @@ class ImplicitFlow:
         return {"waiting": np.array([plateau, waited + 1])}
 
     def advance(self, progress: Progress) -> Step:
-        """See `Method.advance`; a triangle that pinches under ``mean-curvature`` is a `Breakdown`."""
+        """See `Method.advance`; what is drawn out, or pinches under ``mean-curvature``, is a `Breakdown`."""
         V, topology = progress.position, self._topology
+        reached, best = progress.shape.sphericity, progress.best_shape.sphericity
+        if topology.closed and reached < DRAWN_OUT * best:
+            return Breakdown(f"drew the surface out: its sphericity fell from {best:.3f} to {reached:.3f}")
         masses = lumped_masses(measures.face_areas(V, topology.faces), topology)
         weights = self._stiffness if self._config.method == "conformal" else edge_weights(V, topology)
         moved = self._solved(V, masses, self._time_step * weights)
