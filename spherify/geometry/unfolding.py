@@ -39,6 +39,7 @@ NO_FLIP: Final = (
 )
 CROWDED: Final = 1e-5  # share of the mean area, of a triangle whose corners are drawn apart
 EVENING: Final = 0.05  # of the greatest curvature of the radii, the step of evening them out
+LEAST_RADIUS: Final = 0.5  # of what it was before: no vertex passes the centre, not even by inward steps only
 EQUAL_RADII: Final = 1e-15  # a curvature below this share of the radius is rounding
 
 
@@ -199,6 +200,7 @@ def evened_out(V: Floats, centre: Floats, k_in: int, k_out: int) -> Floats | Non
             break
         t = (K + greatest) / (2 * greatest)
         radii = radii + EVENING * greatest * (-t if i < k_in else 1 - t)
+    radii = np.maximum(radii, LEAST_RADIUS * before)
     return np.asfortranarray(centre + (radii / before)[:, None] * spokes)
 
 

@@ -13,6 +13,7 @@ from spherify.geometry.config import Stage, Unfolding
 from spherify.geometry.errors import InvalidConfigError
 from spherify.geometry.flow import StopReason, flow
 from spherify.geometry.kernels import ENGINES, get_engine
+from spherify.geometry.mesh import TriangleMesh
 from spherify.geometry.methods.control import LOOKED_EVERY, Control, Phase
 from spherify.geometry.methods.curvature import TURNED
 from spherify.geometry.presets import PRESETS
@@ -97,6 +98,16 @@ def test_radii_become_equal_whatever_the_triangles_and_however_wide_the_bulge():
     radii = measures.norm(V - CENTRE)
     assert np.ptp(radii) < 1.1 * (1 - EVENING) ** 100 * before
     assert evened_out(CENTRE + np.array([[1.0, 0, 0], [0, -1.0, 0], [0, 0, 1.0]]), CENTRE, 1, 1) is None
+
+
+def test_no_vertex_passes_the_centre_where_all_steps_lead_inward():
+    """Beside a spike they are longer than a short radius is."""
+    mesh = icosphere(6)
+    radii = np.ones(len(mesh.vertices))
+    radii[:2] = 3, 0.02
+    V = CENTRE + radii[:, None] * mesh.vertices
+    moved = evened_out(V, CENTRE, 1, 0)
+    assert (measures.dot(moved - CENTRE, mesh.vertices) > 0).all()
 
 
 @pytest.mark.parametrize("engine", ENGINES)
@@ -237,6 +248,18 @@ def test_a_cavity_is_opened_before_the_sphere():
 def test_a_surface_of_another_genus_has_no_part_on_the_sphere():
     mesh = torus(24, 12)
     *_, last = flow(mesh, replace(ROBUST, iterations=300), engine="compiled")
+    assert phase(last) == Phase.NORMALS
+
+
+def test_nor_have_two_bodies_whose_numbers_add_up_to_those_of_a_sphere():
+    """A ball and a small ring beside it, which nothing unfolds: together they have Euler's number of one ball."""
+    ball, ring = icosphere(6), torus(16, 8)
+    mesh = TriangleMesh.checked(
+        np.vstack([ball.vertices, 0.1 * ring.vertices + [1.3, 0, 0]]),
+        np.vstack([ball.faces, ring.faces + len(ball.vertices)]),
+    )
+    assert Topology.of(len(mesh.vertices), mesh.faces).euler == 2
+    *_, last = flow(mesh, replace(ROBUST, iterations=30), engine="compiled")
     assert phase(last) == Phase.NORMALS
 
 

@@ -44,7 +44,8 @@ class CurvatureTransformation:
         """Prepare it; ``unit`` is the length of the mesh's own unit in the frame."""
         self._topology = topology
         self._config = config
-        self._unfolding = config.unfolding if topology.closed and topology.euler == 2 else None
+        ball = topology.closed and topology.euler == 2 and topology.n_components == 1
+        self._unfolding = config.unfolding if ball else None
         self._rounds = 0 if self._unfolding is None else self._unfolding.rounds
         self._exponent = 0.0 if self._unfolding is None else self._unfolding.exponent
         self._folds: Unfolded | None = None  # of the last iteration, for `remember`
@@ -137,7 +138,7 @@ class CurvatureTransformation:
         return Standstill(STANDSTILL) if moved is None else moved
 
     def remember(self, progress: Progress, shape: Shape, factor: float) -> Memory:
-        """See `Method.remember`: momentum, annealing and the finish on the sphere brought up to date."""
+        """See `Method.remember`: momentum, annealing and the part on the sphere brought up to date."""
         control, memory = self._control(progress), progress.memory
         weights, centre = memory["log_weights"], shape.centroid
         if control.phase in {Phase.SPHERE, Phase.RADII}:  # a centre that drifts makes folds
