@@ -86,8 +86,9 @@ async def once(
         answer = await act(Identity(begun.identity, RequestKey(name, fingerprint)))
     except Exception as e:
         problem = problem_of(e)
-        # What is gone took effect once, before the records were lost: the key must not make it anew.
-        refused = problem is not None and problem.type.is_refusal and not isinstance(e, JobGoneError)
+        # What was begun before and is gone took effect, before the records were lost: the key must not make it anew.
+        gone = isinstance(e, JobGoneError) and begun.identity != identity
+        refused = problem is not None and problem.type.is_refusal and not gone
         await _tell(repeats.forget if refused else repeats.free, name)
         raise
     await _tell(lambda name: repeats.answered(name, _dump(answer)), name)

@@ -156,6 +156,16 @@ def test_the_key_of_a_deleted_job_makes_no_other_after_the_loss_of_the_records(
     assert list(stores.blobs.list(layout.job_folder(job_id))) == []
 
 
+def test_a_key_is_free_after_a_request_for_what_is_gone(client: httpx.Client, known: str, key: str) -> None:
+    """Nothing took effect: it can be mended and sent again as after any other refusal."""
+    deleted = submit(client, f"{key}-other").json()["id"]
+    client.post(f"/v1/jobs/{deleted}/cancel")
+    assert client.delete(f"/v1/jobs/{deleted}").status_code == 204
+    headers = {"Idempotency-Key": key}
+    problem(client.post("/v1/jobs", json={"from_snapshot": f"{deleted}/0"}, headers=headers), 410, "gone")
+    assert client.post("/v1/jobs", json={"mesh_id": known}, headers=headers).status_code == 201
+
+
 @pytest.mark.parametrize("bad", ["", "a b", "x" * 256, "\x7f"])
 def test_what_is_no_key_is_refused(client: httpx.Client, known: str, bad: str) -> None:
     problem(submit(client, bad), 422, "invalid-parameters")
