@@ -56,7 +56,7 @@ class JobReader:
         await reading.over.wait()
         found = reading.found[job_id]
         if isinstance(found, BaseException):
-            raise copy(found)  # it is told to many, and gathers a traceback each time
+            raise copy(found) from found  # it is told to many, and gathers a traceback each time
         return found
 
     def _begin(self) -> None:

@@ -103,8 +103,10 @@ def test_a_store_that_fails_is_asked_again_by_the_next(monkeypatch: pytest.Monke
         reader = JobReader(store, JobDocuments())
         with monkeypatch.context() as patch:
             patch.setattr(store, "get_all", away)
-            with pytest.raises(StoreUnavailableError):
+            with pytest.raises(StoreUnavailableError) as raised:
                 await reader.get(job_id)
+            assert raised.value.__cause__ is not None, "the log is to say where it failed"
+            assert raised.value.__cause__.__traceback__ is not None
         assert (await reader.get(job_id)).id == job_id
 
     asyncio.run(ask())
