@@ -32,7 +32,7 @@ from spherify.stores.records import fields_of, hash_of, job_of
 
 log = logging.getLogger(__name__)
 
-_CHUNK: Final = 100  # jobs read at a time while a listing is filtered
+_CHUNK: Final = 100  # jobs read at a time once a filter has left some out
 _JOBS_A_CALL: Final = 100  # the server does nothing else meanwhile
 _ROWS_A_CALL: Final = 500  # far below the stack of Lua's unpack, and a call stays short
 
@@ -101,7 +101,7 @@ class RedisJobStore:
         self._require_complete()
         since = "-" if created_after is None else f"[{earliest_job_id(created_after)}"
         found: list[Job] = []
-        for job in self._walk(index, since, "+" if cursor is None else f"({cursor}"):
+        for job in self._walk(index, since, "+" if cursor is None else f"({cursor}", limit + 1):
             if (
                 (status is None or job.status is status)
                 and (tag is None or tag in job.spec.tags)
@@ -282,17 +282,21 @@ class RedisJobStore:
         record = [keys.job(job_id), keys.QUEUED, keys.LEASES, keys.UNSETTLED, keys.BY_STATUS]
         return self._scripts(name, [*record, *more_keys], [job_id, *args])
 
-    def _walk(self, index: str, since: str, before: str) -> Iterator[Job]:
-        """Yield the jobs of an index, newest first; one that is deleted meanwhile is left out."""
+    def _walk(self, index: str, since: str, before: str, at_first: int) -> Iterator[Job]:
+        """Yield the jobs of an index, newest first; one that is deleted meanwhile is left out.
+
+        So many are read ``at_first``, which is all if no filter leaves one out, and then more at a time.
+        """
+        at_once = at_first
         while True:
             with reachable():
-                ids: list[str] = self._client.zrevrangebylex(index, before, since, 0, _CHUNK)  # type: ignore[assignment] # client is not async
+                ids: list[str] = self._client.zrevrangebylex(index, before, since, 0, at_once)  # type: ignore[assignment] # client is not async
             for job in self.get_all(dict.fromkeys(ids)).values():
                 if isinstance(job, Job):
                     yield job
-            if len(ids) < _CHUNK:
+            if len(ids) < at_once:
                 return
-            before = f"({ids[-1]}"
+            before, at_once = f"({ids[-1]}", _CHUNK
 
 
 def _revision(known: Job | None, job_id: str) -> int | str:

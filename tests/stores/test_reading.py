@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import pytest
 import redis
 
-from spherify.jobs.errors import JobGoneError, JobNotFoundError, StoreUnavailableError
+from spherify.jobs.errors import JobGoneError, JobNotFoundError, JobsError, StoreUnavailableError
 from spherify.jobs.ids import new_job_id
 from spherify.jobs.model import Job, JobStatus, Outcome, Progress
 from spherify.jobs.ports import JobStore
@@ -51,6 +53,29 @@ def test_what_is_known_and_unchanged_is_not_read_again(jobs: JobStore) -> None:
     jobs.delete(first)
     with pytest.raises(JobGoneError):
         jobs.get(first, changed)
+
+
+@pytest.mark.parametrize("make", ["redis"], indirect=True)
+def test_a_page_reads_no_more_jobs_than_it_shows_and_one(
+    jobs: JobStore, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The one tells that there are more; a filter that leaves some out reads on."""
+    ids = [jobs.add(job_spec(tags=("even",) if i % 2 == 0 else ())).id for i in range(12)]
+    for job_id in ids[-4:]:
+        jobs.request_cancel(job_id)
+    read: list[str] = []
+    whole = jobs.get_all
+
+    def get_all(known: Mapping[str, Job | None]) -> dict[str, Job | JobsError]:
+        read.extend(known)
+        return whole(known)
+
+    monkeypatch.setattr(jobs, "get_all", get_all)
+    assert [job.id for job in jobs.find(limit=3).items] == ids[:-4:-1]
+    assert read == ids[:-5:-1]
+    found = jobs.find(limit=3, tag="even", status=JobStatus.ACCEPTED)
+    assert [job.id for job in found.items] == [ids[6], ids[4], ids[2]]
+    assert found.next_cursor == ids[2]
 
 
 @pytest.mark.parametrize("make", ["redis"], indirect=True)
