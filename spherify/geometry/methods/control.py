@@ -4,7 +4,8 @@
        └── no rounder ─> FOLDED ─────┘  └── thin, or again ──> RADII          │ folds
                                      └────────────────────────────────────────┘
 
-NORMALS, SMOOTHING and RADII can be the last.
+What covers the sphere otherwise than once has nothing to do there: it goes from FOLDED back to NORMALS. A surface that
+has become round ends in NORMALS, SMOOTHING or RADII; in SPHERE ends only what gets no better there.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ class Control(NamedTuple):
         plateau: the sphericity that has to be exceeded for the waiting to begin anew.
         waited: iterations since it was.
         phase: a `Phase`; what follows is of SPHERE.
-        times: how often it was begun.
+        times: how often it was begun; 1 also after FOLDED has led back.
         inward: faces that look inward.
         least_area: of a triangle of directions, over their mean.
         fewest: the least number of faces that looked inward so far.

@@ -82,7 +82,7 @@ export class Run extends Emitter {
     this.news();
   }
 
-  /** Fetch the whole time series: events bring two rows a second, and the service has every iteration. */
+  /** Fetch the whole time series: events bring two rows a second, and the service has more. */
   private async series(): Promise<void> {
     clearTimeout(this.timer);
     const done = this.state?.job.done ?? true;
