@@ -51,7 +51,7 @@ PRESETS: Final = {
                 momentum=0.98,
                 rescale="area",
                 annealing=Annealing(patience=50, factor=0.5, min_step=1e-4),
-                unfolding=Unfolding(sphericity=0.9, exponent=4.0, rounds=16),
+                unfolding=Unfolding(sphericity=0.97, exponent=4.0, rounds=16),
                 stop_radius_variation=1e-3,
             ),
         ),
