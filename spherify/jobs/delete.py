@@ -10,7 +10,7 @@ from contextlib import suppress
 
 from spherify.jobs import layout
 from spherify.jobs.codec import dump_request
-from spherify.jobs.errors import BlobExistsError, JobNotFinishedError
+from spherify.jobs.errors import BlobExistsError, JobNotFinishedError, StorageFullError
 from spherify.jobs.ports import BlobStore, JobStore, MeshStore
 from spherify.jobs.settle import remove_folder, settle
 
@@ -21,7 +21,10 @@ def delete_job(jobs: JobStore, blobs: BlobStore, job_id: str) -> None:
     if not job.status.done:
         raise JobNotFinishedError(f"{job_id} is not finished: cancel it first")
     with suppress(BlobExistsError):  # of an attempt that was broken off
-        blobs.create(layout.tombstone(job_id), dump_request(job.spec.request))
+        try:
+            blobs.create(layout.tombstone(job_id), dump_request(job.spec.request))
+        except StorageFullError:  # deleting helps against that, and a name alone takes no space
+            blobs.create(layout.tombstone(job_id), b"")
     jobs.delete(job_id)
     settle(jobs, blobs, job_id)
 

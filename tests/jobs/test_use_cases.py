@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import resource
 from pathlib import Path
 
 import pytest
@@ -20,12 +21,13 @@ from spherify.jobs.errors import (
     StoreUnavailableError,
 )
 from spherify.jobs.ids import earliest_job_id, is_job_id, job_id_at, new_job_id
-from spherify.jobs.model import JobStatus, Outcome
+from spherify.jobs.model import JobStatus, Outcome, RequestKey
 from spherify.jobs.orphans import Orphans
 from spherify.jobs.ports import CancelOutcome, Renewal
 from spherify.jobs.reconcile import Reconciler, sweep_scratch
 from spherify.jobs.results import Result, publish_result, read_result, write_result
 from spherify.jobs.submit import submit
+from spherify.stores.blobs import FolderBlobStore
 from spherify.stores.memory_meshes import MemoryJobQueue
 from tests.jobs.examples import job_spec, mesh_record, result_of
 from tests.jobs.world import World
@@ -202,6 +204,22 @@ def test_deleting_removes_the_files(world: World) -> None:
         world.meshes.get(mesh.id)
     with pytest.raises(BlobNotFoundError):
         world.blobs.read(layout.mesh_arrays(mesh.id))
+
+
+def test_a_full_disk_is_no_reason_not_to_delete(world: World, tmp_path: Path) -> None:
+    """What there is no room for is the key; a name without content still says that the job was deleted."""
+    blobs = FolderBlobStore(tmp_path / "blobs")
+    spec = job_spec(request=RequestKey("name", "fingerprint"))
+    submit(world.jobs, blobs, world.queue, spec)
+    cancel(world.jobs, blobs, spec.id)
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (0, before[1]))  # the kernel refuses to write a byte
+    try:
+        delete_job(world.jobs, blobs, spec.id)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert [stat.key for stat in blobs.list("")] == [layout.tombstone(spec.id)]
+    assert blobs.read(layout.tombstone(spec.id)) == b""
 
 
 def test_old_scratch_files_are_swept(tmp_path: Path) -> None:
