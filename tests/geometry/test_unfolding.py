@@ -280,6 +280,24 @@ def test_a_run_resumes_from_within_bit_by_bit(engine):
     assert {phase(whole[i]) for i in STARTS} == set(Phase) - {Phase.FOLDED}
 
 
+def test_a_run_that_gets_no_rounder_goes_on_upon_the_sphere_across_an_interruption():
+    """Whatever state it resumes from: the last along the normals, the one that tells, or the first on the sphere."""
+    config = replace(
+        ROBUST,
+        iterations=40,
+        unfolding=replace(ROBUST.unfolding, sphericity=0.9999),
+        annealing=replace(ROBUST.annealing, patience=20),
+    )
+    mesh = sample("stone", 600)
+    whole = list(flow(mesh, config, engine="compiled"))
+    folded = next(state.iteration for state in whole if phase(state) == Phase.FOLDED)
+    assert [phase(state) for state in whole[folded - 1 :][:3]] == [Phase.NORMALS, Phase.FOLDED, Phase.SPHERE]
+    for start in range(folded - 1, folded + 2):
+        resumed = flow(mesh, config, engine="compiled", resume=whole[start].checkpoint())
+        for state, expected in zip(resumed, whole[start + 1 :], strict=True):
+            assert state.vertices.tobytes() == expected.vertices.tobytes()
+
+
 @pytest.mark.parametrize("wrong", [{"sphericity": 1.0}, {"exponent": 0.0}, {"rounds": 0}])
 def test_wrong_parameters_are_refused(wrong):
     with pytest.raises(InvalidConfigError, match=next(iter(wrong))):
