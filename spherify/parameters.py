@@ -60,14 +60,22 @@ class AnnealingParameters(_Strict):
 class UnfoldingParameters(_Strict):
     """From `sphericity` on, or where nothing gets rounder: radii are evened out and folds undone, on the sphere."""
 
-    sphericity: Annotated[float, Field(gt=0, lt=1, title="Sphericity", description="Not before this Ψ.")]
+    sphericity: Annotated[
+        float,
+        Field(
+            gt=0,
+            lt=1,
+            title="Sphericity",
+            description="From this Ψ on; below it, where nothing gets rounder.",
+        ),
+    ]
     exponent: Annotated[
         float,
         Field(
             gt=0,
             le=8,
             title="Exponent",
-            description="Neighbours weigh their area to this power; it grows while triangles all but vanish.",
+            description="Neighbours weigh the area of the triangles at them to this power.",
         ),
     ]
     rounds: Annotated[int, Field(ge=1, le=1000, title="Rounds after each iteration")]
