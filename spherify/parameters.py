@@ -66,7 +66,7 @@ class UnfoldingParameters(_Strict):
             gt=0,
             lt=1,
             title="Sphericity",
-            description="From this Ψ on; below it, where nothing gets rounder.",
+            description="From this Ψ on; from less after 120 iterations, or where nothing gets rounder.",
         ),
     ]
     exponent: Annotated[

@@ -63,9 +63,9 @@ class Annealing:
 class Unfolding:
     """Go on upon the sphere: see `spherify.geometry.unfolding`. Ours; of closed surfaces of genus 0 in one piece.
 
-    It begins once the surface is that round; or, less round, where nothing gets rounder any more. The radii are evened
-    out, and rounds of unfolding follow each iteration while a face looks inward, and of drawing apart while one has
-    nearly vanished. After that T goes on along the normals; and, should faces turn inward again, along the radii.
+    It begins once the surface is that round; or, less round, late in a run or where nothing gets rounder. The radii are
+    evened out, and rounds of unfolding follow each iteration while a face looks inward, and of drawing apart while one
+    has nearly vanished. After that T goes on along the normals; and, should faces turn inward again, along the radii.
 
     Attributes:
         sphericity: from which on.

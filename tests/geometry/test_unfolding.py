@@ -15,7 +15,7 @@ from spherify.geometry.flow import StopReason, flow
 from spherify.geometry.kernels import ENGINES, get_engine
 from spherify.geometry.mesh import TriangleMesh
 from spherify.geometry.methods.control import LOOKED_EVERY, Control, Phase
-from spherify.geometry.methods.curvature import TURNED
+from spherify.geometry.methods.curvature import LATE, TURNED
 from spherify.geometry.presets import PRESETS
 from spherify.geometry.quality import inward_faces
 from spherify.geometry.samples.implicit import surface
@@ -214,6 +214,13 @@ def test_what_covers_the_sphere_otherwise_than_once_is_no_fold():
     degree, turned = covering(crumple.vertices, crumple.faces)
     assert degree == 1
     assert 0.01 < turned < 0.1
+
+
+def test_late_in_a_run_less_is_round_enough():
+    """What T gets on with slowly: wide bulges of many small triangles, or here a tiny step."""
+    slow = replace(ROBUST, step=1e-3, momentum=0.0, iterations=LATE + 2)
+    at = [state.iteration for state in flow(sample("stone", 642), slow, engine="compiled") if phase(state)]
+    assert at == [LATE + 1, LATE + 2]
 
 
 def vessel():

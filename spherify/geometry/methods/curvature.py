@@ -32,6 +32,8 @@ STANDSTILL: Final = "the curvature is the same at every vertex, so the transform
 ROUND_ENOUGH: Final = (
     0.2  # radius variation below which a run goes on on the sphere where nothing gets rounder
 )
+LATE: Final = 120  # iterations; bulges are left then that are many triangles wide, and take T very long
+LATE_ENOUGH: Final = 0.8  # sphericity from which on a run goes on on the sphere from then
 TURNED: Final = 0.1  # share of the sphere that inward faces may cover; more are no folds but a cavity
 PATIENCES: Final = 4  # of the annealing, that something may take on the sphere to get better
 WEIGHT_DAMPING: Final = 1.2  # over the exponent: share of the way the weights go; more, and they swing
@@ -195,12 +197,15 @@ class CurvatureTransformation:
         if control.phase == Phase.SMOOTHING:
             begun = self._begun(progress, control)
             return begun if begun.folded else control
-        if control.phase == Phase.NORMALS and progress.shape.sphericity < unfolding.sphericity:
+        enough = unfolding.sphericity if progress.iteration < LATE else min(unfolding.sphericity, LATE_ENOUGH)
+        if control.phase == Phase.NORMALS and progress.shape.sphericity < enough:
             return control
         degree, turned = covering(self._directions(progress), self._topology.faces)
         if degree == 1 and (turned < TURNED or control.phase == Phase.FOLDED):
             return self._begun(progress, control)
-        return control._replace(phase=Phase.NORMALS, times=float(control.phase == Phase.FOLDED))
+        return control._replace(
+            phase=Phase.NORMALS, times=max(control.times, float(control.phase == Phase.FOLDED))
+        )
 
     def _directions(self, progress: Progress) -> Floats:
         """(n, 3) directions of the vertices from the centroid."""
