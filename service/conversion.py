@@ -34,8 +34,8 @@ Color = Annotated[
     FieldName | None,
     Query(
         description=f"Colour the vertices by a field ({', '.join(COLOURED)} only), with the scale and the range of the "
-        "web page: 2nd to 98th percentile, symmetric about 0 where it lies between them for `curvature` and "
-        "`distance`. The file says the range: in a comment, in GLB in `asset.extras.note`."
+        "web page: 2nd to 98th percentile, for `curvature` 10th to 90th; symmetric about 0 where it lies between them "
+        "for `curvature` and `distance`. The file says the range: in a comment, in GLB in `asset.extras.note`."
     ),
 ]
 

@@ -29,6 +29,15 @@ SEQUENTIAL: Final = (
     (148, 203, 92),
     (244, 232, 112),
 )
+# The share of the vertices beyond either end of a scale. A limb that vanishes bends without bound: with the short tails
+# of the others it would leave all the rest of a surface one colour.
+TAILS: Final[dict[FieldName, float]] = {
+    "curvature": 0.1,
+    "distance": 0.02,
+    "displacement": 0.02,
+    "quality": 0.02,
+}
+LEAST_TAIL: Final = 0.02
 SAMPLES: Final = 20_000  # values that the percentiles are taken of: every k-th vertex of a larger mesh
 
 
@@ -59,30 +68,38 @@ def vertex_colours(field: FieldName, values: Floats) -> VertexColours:
     """Colour vertices by the values (n,) of a field at them."""
     single = values.astype(np.float32).astype(np.float64)  # what the page has of them
     diverging = FIELDS[field].diverging
-    low, high = colour_range(single, diverging=diverging)
+    low, high = colour_range(single, diverging=diverging, tail=TAILS[field])
     return VertexColours(scale_colours(single, low, high, diverging=diverging), field, low, high)
 
 
-def colour_range(values: Floats, *, diverging: bool) -> tuple[float, float]:
-    """Values at both ends of a scale: the 2nd and the 98th percentile, as a few slivers would else take all colours.
+def colour_range(values: Floats, *, diverging: bool, tail: float = LEAST_TAIL) -> tuple[float, float]:
+    """Values at both ends of a scale: two percentiles, as a few slivers would else take all colours.
 
     Args:
         values: (n,); what is not finite does not count.
         diverging: then the range is symmetric where 0 lies within it.
+        tail: the share of the values beyond either end; where all between the ends is the same, as on flat faces, at
+            most LEAST_TAIL.
 
     """
     stride = max(1, -(-len(values) // SAMPLES))
     finite = np.sort(values[::stride][np.isfinite(values[::stride])])
     if len(finite) == 0:
         return 0.0, 1.0
-    low, high = (float(finite[int(share * (len(finite) - 1) + 0.5)]) for share in (0.02, 0.98))
-    if diverging and low < 0 < high:
-        high = max(-low, high)
-        low = -high
-    if high - low > 1e-12 * max(abs(low), abs(high)):
-        return low, high
-    half = abs(high) * 1e-3 or 1.0  # the same everywhere: the middle of the scale
-    return low - half, high + half
+
+    def at(share: float) -> float:
+        return float(finite[int(share * (len(finite) - 1) + 0.5)])
+
+    for share in (tail, LEAST_TAIL):
+        low, high = at(share), at(1 - share)
+        most = max(abs(low), abs(high))
+        if diverging and low < 0 < high:
+            return -most, most
+        if high - low > 1e-12 * most:
+            return low, high
+    middle = at(0.5)  # the same everywhere: the middle of the scale
+    half = abs(middle) * 1e-3 or 1.0
+    return middle - half, middle + half
 
 
 def scale_colours(values: Floats, low: float, high: float, *, diverging: bool) -> NDArray[np.uint8]:

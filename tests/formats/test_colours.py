@@ -14,7 +14,15 @@ import trimesh
 
 from spherify.formats import COLOURED, FORMATS_OUT, InvalidExportError, write_mesh
 from spherify.formats.acceptance import read
-from spherify.formats.colours import DIVERGING, SEQUENTIAL, VertexColours, colour_range, vertex_colours
+from spherify.formats.colours import (
+    DIVERGING,
+    LEAST_TAIL,
+    SEQUENTIAL,
+    TAILS,
+    VertexColours,
+    colour_range,
+    vertex_colours,
+)
 from spherify.geometry.fields import FIELDS, vertex_field
 from spherify.geometry.mesh import TriangleMesh
 from spherify.geometry.samples import SAMPLES
@@ -97,6 +105,8 @@ def test_scales_and_fields_are_the_pages():
         block = re.search(rf"\n  {field}: {{(.*?)\n  }},", source, re.S)
         assert block is not None
         assert f"diverging: {str(about.diverging).lower()}," in block[1]
+        assert f"tail: {TAILS[field]:g}," in block[1]
+    assert f"const LEAST_TAIL = {LEAST_TAIL:g};" in source
 
 
 def test_the_range_leaves_slivers_out_and_is_symmetric_about_zero():
@@ -109,6 +119,15 @@ def test_the_range_leaves_slivers_out_and_is_symmetric_about_zero():
     assert colour_range(np.full(5, 2.0), diverging=True) == pytest.approx((1.998, 2.002))
     assert colour_range(np.zeros(5), diverging=False) == (-1, 1)
     assert colour_range(np.full(5, np.nan), diverging=False) == (0, 1)
+
+
+def test_limbs_that_vanish_do_not_take_the_colours_of_all_the_rest():
+    body, limbs = np.linspace(0.5, 1.5, 920), np.linspace(-30, 90, 80)
+    low, high = colour_range(np.concatenate([body, limbs]), diverging=True, tail=TAILS["curvature"])
+    assert 0.5 < low < 0.7
+    assert 1.3 < high < 1.8
+    edges = np.concatenate([np.zeros(950), np.full(50, 5.0)])  # of a cube: its faces are flat
+    assert colour_range(edges, diverging=True, tail=TAILS["curvature"]) == (0, 5)
 
 
 def test_the_middle_and_both_ends_of_a_scale():

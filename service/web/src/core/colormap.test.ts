@@ -25,24 +25,38 @@ describe('ramp', () => {
   });
 });
 
+const SHORT = { diverging: false, tail: 0.02 };
+const DIVERGES = { diverging: true, tail: 0.02 };
+
 describe('rangeOf', () => {
   it('ignores outliers and what is not finite', () => {
     const values = Float32Array.from({ length: 1000 }, (_, i) => i / 999);
     values[0] = 1e9;
     values[1] = NaN;
-    const { low, high } = rangeOf(values, false);
+    const { low, high } = rangeOf(values, SHORT);
     expect(low).toBeCloseTo(0.02, 1);
     expect(high).toBeCloseTo(0.98, 1);
   });
 
   it('is symmetric around zero where colours diverge, and one-sided values keep their own range', () => {
-    expect(rangeOf(Float32Array.from([-1, 0, 0.5]), true)).toEqual({ low: -1, high: 1 });
-    expect(rangeOf(Float32Array.from([1, 2]), true)).toEqual({ low: 1, high: 2 });
+    expect(rangeOf(Float32Array.from([-1, 0, 0.5]), DIVERGES)).toEqual({ low: -1, high: 1 });
+    expect(rangeOf(Float32Array.from([1, 2]), DIVERGES)).toEqual({ low: 1, high: 2 });
+  });
+
+  it('is not taken by limbs that vanish, and has the edges of a cube', () => {
+    const bent = Float32Array.from({ length: 1000 }, (_, i) =>
+      i < 920 ? 0.5 + i / 919 : -30 + (i - 920) * 1.5,
+    );
+    const { low, high } = rangeOf(bent, FIELD_INFO.curvature);
+    expect(low).toBeGreaterThan(0.5);
+    expect(high).toBeLessThan(1.8);
+    const edges = Float32Array.from({ length: 1000 }, (_, i) => (i < 950 ? 0 : 5));
+    expect(rangeOf(edges, FIELD_INFO.curvature)).toEqual({ low: 0, high: 5 });
   });
 
   it('has a width even if all values are equal', () => {
-    const { low, high } = rangeOf(Float32Array.from([2, 2, 2]), false);
+    const { low, high } = rangeOf(Float32Array.from([2, 2, 2]), SHORT);
     expect(high).toBeGreaterThan(low);
-    expect(rangeOf(new Float32Array(), false)).toEqual({ low: 0, high: 1 });
+    expect(rangeOf(new Float32Array(), SHORT)).toEqual({ low: 0, high: 1 });
   });
 });

@@ -29,6 +29,8 @@ export interface FieldInfo {
   readonly meaning: string;
   /** Colours on both sides of zero, of one on the left and of another on the right. */
   readonly diverging: boolean;
+  /** The share of the vertices beyond either end of the scale. */
+  readonly tail: number;
 }
 
 export const FIELD_INFO: Readonly<Record<Field, FieldInfo>> = {
@@ -37,24 +39,28 @@ export const FIELD_INFO: Readonly<Record<Field, FieldInfo>> = {
     unit: '1 / unit of the file',
     meaning: 'K at each vertex: 1 / r on a sphere of radius r; what the transformation evens out',
     diverging: true,
+    tail: 0.1, // a limb that vanishes bends without bound, and would leave all the rest one colour
   },
   distance: {
     title: 'Distance to sphere',
     unit: '× its radius',
     meaning: 'how far each vertex is outside (+) or inside (−) the sphere that fits best',
     diverging: true,
+    tail: 0.02,
   },
   displacement: {
     title: 'Displacement',
     unit: 'mean edges',
     meaning: 'how far each vertex has moved since iteration 0',
     diverging: false,
+    tail: 0.02,
   },
   quality: {
     title: 'Triangle quality',
     unit: '1 is equilateral',
     meaning: 'the worst triangle at each vertex',
     diverging: false,
+    tail: 0.02,
   },
 };
 
@@ -85,18 +91,21 @@ function mix(points: readonly Rgb[], place: number): Rgb {
   return [channel(0), channel(1), channel(2)];
 }
 
+export type Tails = Pick<FieldInfo, 'diverging' | 'tail'>;
+
 export interface Range {
   readonly low: number;
   readonly high: number;
 }
 
 const SAMPLES = 20_000;
+const LEAST_TAIL = 0.02;
 
 /**
- * Return the range that is coloured: from the 2nd to the 98th percentile, as a few slivers would else take all
- * colours; around zero, symmetric, for a diverging scale.
+ * Return the range that is coloured: without the tails, as a few slivers would else take all colours; around zero,
+ * symmetric, for a diverging scale. Where all between the tails is the same, as on flat faces, they are shortened.
  */
-export function rangeOf(values: Float32Array, diverging: boolean): Range {
+export function rangeOf(values: Float32Array, { diverging, tail }: Tails): Range {
   const stride = Math.max(1, Math.ceil(values.length / SAMPLES));
   const sorted: number[] = [];
   for (let i = 0; i < values.length; i += stride) {
@@ -106,12 +115,13 @@ export function rangeOf(values: Float32Array, diverging: boolean): Range {
   if (sorted.length === 0) return { low: 0, high: 1 };
   sorted.sort((a, b) => a - b);
   const at = (share: number): number => sorted[Math.round(share * (sorted.length - 1))] ?? 0;
-  let [low, high] = [at(0.02), at(0.98)];
-  if (diverging && low < 0 && high > 0) {
-    high = Math.max(-low, high);
-    low = -high;
+  for (const share of [tail, LEAST_TAIL]) {
+    const [low, high] = [at(share), at(1 - share)];
+    const most = Math.max(Math.abs(low), Math.abs(high));
+    if (diverging && low < 0 && high > 0) return { low: -most, high: most };
+    if (high - low > 1e-12 * most) return { low, high };
   }
-  if (high - low > 1e-12 * Math.max(Math.abs(low), Math.abs(high))) return { low, high };
-  const half = Math.abs(high) * 1e-3 || 1;
-  return { low: low - half, high: high + half };
+  const middle = at(0.5);
+  const half = Math.abs(middle) * 1e-3 || 1;
+  return { low: middle - half, high: middle + half };
 }

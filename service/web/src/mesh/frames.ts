@@ -111,8 +111,8 @@ export class Frames {
 
   private async fetchField(iteration: number, field: Field, key: string): Promise<void> {
     const url = `/v1/jobs/${this.job}/snapshots/${iteration}/fields/${field}`;
-    const { diverging } = FIELD_INFO[field];
-    const { values, range } = await this.worker.ask('field', { key: this.run, url, diverging });
+    const { diverging, tail } = FIELD_INFO[field];
+    const { values, range } = await this.worker.ask('field', { key: this.run, url, diverging, tail });
     this.kept.set(key, { key, range }, values.byteLength);
     this.store.keep(key, values);
   }

@@ -1,4 +1,4 @@
-import type { Range } from '../core/colormap';
+import type { Range, Tails } from '../core/colormap';
 import type { Bounds, Frame, Surface } from './types';
 import type { Faults } from './faults';
 
@@ -35,7 +35,7 @@ export interface Tasks {
   /** Fetch the positions of a state. */
   frame: { ask: { key: string; url: string; exact: boolean }; answer: Frame };
   /** Fetch a field of a state. */
-  field: { ask: { key: string; url: string; diverging: boolean }; answer: Values };
+  field: { ask: { key: string; url: string } & Tails; answer: Values };
   /** Forget a run. */
   forget: { ask: { key: string }; answer: null };
 }

@@ -59,9 +59,9 @@ const handlers: Handlers = {
     return frameOf(pick(exact ? new Float32Array(data) : unpacked(data), drawn.kept, 3), drawn.index);
   },
 
-  async field({ key, url, diverging }) {
+  async field({ key, url, ...tails }) {
     const values = pick(new Float32Array(await fetched(url)), known(key).kept, 1);
-    return { values, range: rangeOf(values, diverging) };
+    return { values, range: rangeOf(values, tails) };
   },
 
   forget({ key }) {
