@@ -99,6 +99,38 @@ def test_an_address_of_nothing_says_so(page: Page, complaints: Complaints, stack
     expect(page.get_by_role("alert")).to_contain_text("job_01K5Z9Q8M4T6V2X0Y7R3N1W5BC")
 
 
+def test_a_browser_whose_workers_cannot_draw_has_the_same_picture(
+    page: Page, complaints: Complaints, stack: Stack, run: str
+) -> None:
+    address = f"{stack.url}/?job={run}&it=5&up=z"
+    page.goto(address)
+    settled(page)
+    plain = page.context.new_page()
+    complaints.watch(plain)
+    plain.add_init_script("delete window.OffscreenCanvas")
+    plain.goto(address)
+    settled(plain)
+    assert [one.evaluate("self.name") for one in plain.workers] == ["reading"]
+    canvas, other = (one.locator(".viewer canvas") for one in (page, plain))
+    wait_for(lambda: difference(canvas.screenshot(), other.screenshot()) < 1, what="the same picture")
+    with plain.expect_download() as download:
+        plain.get_by_role("button", name="Picture", exact=True).last.click()
+    assert Image.open(download.value.path()).getextrema() != ((0, 0),) * 4
+    plain.close()
+
+
+def test_on_a_finer_screen_the_picture_is_finer(page: Page, stack: Stack, run: str) -> None:
+    page.goto(f"{stack.url}/?job={run}&it=5&up=z")
+    settled(page)
+    width = "document.querySelector('.viewer canvas').width"
+    before = page.evaluate(width)
+    screen = {"width": 1440, "height": 900, "mobile": False}
+    session = page.context.new_cdp_session(page)
+    session.send("Emulation.setDeviceMetricsOverride", screen | {"deviceScaleFactor": 2})
+    page.keyboard.press("w")  # the browser tells of a screen, but not of one that is made up
+    wait_for(lambda: page.evaluate(width) == 2 * before, what="twice as many pixels")
+
+
 CONTEXTS = """() => {
   self.contexts = [];
   const made = OffscreenCanvas.prototype.getContext;

@@ -5,6 +5,9 @@ import type { Bounds, Frame } from '../mesh/types';
 
 /** What the page asks of the worker that draws, and what it is told: `worker.ts` draws, `remote.ts` asks. */
 
+/** One that was handed to a worker, or one of the page. */
+export type Canvas = OffscreenCanvas | HTMLCanvasElement;
+
 /** A state that was handed over, and the quantity it is coloured by, by their keys. */
 export interface Shown {
   readonly frame: string;
@@ -26,7 +29,7 @@ export interface Scene {
 export type PictureType = 'image/png' | 'image/webp';
 
 export type Ask =
-  | { readonly ask: 'open'; readonly canvas: OffscreenCanvas }
+  | { readonly ask: 'open'; readonly canvas: Canvas }
   /** Put another surface in, with its first state. */
   | {
       readonly ask: 'load';
@@ -55,3 +58,13 @@ export type Told =
   | { readonly told: 'state'; readonly state: DrawingState }
   /** A picture, in the order they were asked for; null if it could not be made. */
   | { readonly told: 'picture'; readonly blob: Blob | null };
+
+/** What is asked of a canvas, and what is heard of it. */
+export interface Asked {
+  readonly canvas: number;
+  readonly ask: Ask;
+}
+export interface Heard {
+  readonly canvas: number;
+  readonly told: Told;
+}

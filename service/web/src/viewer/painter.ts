@@ -1,7 +1,7 @@
 import { Group, PerspectiveCamera, Scene as Space, WebGLRenderer } from 'three';
 import { lineOpacity } from '../core/lines';
 import type { Bounds, Frame } from '../mesh/types';
-import type { Ask, PictureType, Scene, Shown, Told } from './asks';
+import type { Ask, Canvas, PictureType, Scene, Shown, Told } from './asks';
 import { FaultLines } from './faultlines';
 import { Paints, SurfaceMesh, type Coloured } from './surface';
 
@@ -25,13 +25,14 @@ export class Painter {
   private size = '';
 
   constructor(
-    private readonly canvas: OffscreenCanvas,
+    private readonly canvas: Canvas,
     private readonly tell: (told: Told) => void,
   ) {
     this.space.add(this.frame);
     this.renderer = this.start();
-    canvas.addEventListener('webglcontextlost', this.lose);
-    canvas.addEventListener('webglcontextrestored', this.restore);
+    const target: EventTarget = canvas;
+    target.addEventListener('webglcontextlost', this.lose);
+    target.addEventListener('webglcontextrestored', this.restore);
   }
 
   /** Do what is asked. */
@@ -158,7 +159,7 @@ export class Painter {
     let blob: Blob | null = null;
     try {
       this.draw(scene);
-      blob = await this.canvas.convertToBlob({ type });
+      blob = await copyOf(this.canvas, type);
     } catch {
       // a canvas without a size, or a card that was lost: whoever asked is told that there is none
     }
@@ -178,7 +179,7 @@ export class Painter {
     cancelAnimationFrame(this.request);
     this.clear();
     this.paints.dispose();
-    this.canvas.removeEventListener('webglcontextlost', this.lose);
+    (this.canvas as EventTarget).removeEventListener('webglcontextlost', this.lose);
     this.renderer?.dispose();
     this.renderer?.forceContextLoss(); // a browser keeps but a few
   }
@@ -193,4 +194,11 @@ export class Painter {
     this.lost = false;
     this.tell({ told: 'state', state: 'ready' }); // it is asked to draw again, and three sends everything again
   };
+}
+
+function copyOf(canvas: Canvas, type: PictureType): Promise<Blob | null> {
+  if ('convertToBlob' in canvas) return canvas.convertToBlob({ type });
+  return new Promise((resolve) => {
+    canvas.toBlob(resolve, type);
+  });
 }

@@ -1,4 +1,4 @@
-import type { Ask, PictureType, Scene, Told } from './asks';
+import type { Ask, Asked, Canvas, Heard, PictureType, Scene, Told } from './asks';
 
 /** Whether this browser can hand a canvas to a worker. */
 export function drawsInWorkers(): boolean {
@@ -6,43 +6,77 @@ export function drawsInWorkers(): boolean {
 }
 
 const open = new Map<number, Remote>();
-let worker: Worker | null = null; // one for all canvases of the page, from the first one on
+/** Does what is asked: a worker, or where there is none for it, this thread. */
+interface Hand {
+  postMessage(asked: Asked, transfer: Transferable[]): void;
+}
+
+let hand: Hand | null = null; // one for all canvases of the page, from the first one on
 let last = 0;
 
-function started(): Worker {
+function hear({ canvas, told }: Heard): void {
+  open.get(canvas)?.hear(told);
+}
+
+function fail(): void {
+  for (const remote of open.values()) remote.hear({ told: 'state', state: 'unsupported' });
+}
+
+function started(): Hand {
+  return drawsInWorkers() ? inWorker() : here();
+}
+
+/** Draw on the page's own thread, as older browsers must; the code for it is fetched by them alone. */
+function here(): Hand {
+  const studio = import('./studio').then(({ Studio }) => new Studio(hear));
+  const made: Hand = {
+    postMessage: (asked) => {
+      studio.then((one) => {
+        one.take(asked);
+      }, failed);
+    },
+  };
+  const failed = (): void => {
+    if (hand === made) hand = null;
+    fail();
+  };
+  return made;
+}
+
+function inWorker(): Worker {
   const made = new Worker(new URL('./worker.ts', import.meta.url), { type: 'module', name: 'drawing' });
-  made.onmessage = ({ data }: MessageEvent<{ canvas: number; told: Told }>) => {
-    open.get(data.canvas)?.hear(data.told);
+  made.onmessage = ({ data }: MessageEvent<Heard>) => {
+    hear(data);
   };
   made.onerror = (event) => {
-    if (!event.message && worker === made) worker = null; // its code could not be fetched: tried again next time
-    for (const remote of open.values()) remote.hear({ told: 'state', state: 'unsupported' });
+    if (!event.message && hand === made) hand = null; // its code could not be fetched: tried again next time
+    fail();
   };
   return made;
 }
 
 /** Have the worker started before the first canvas, while there is time. */
 export function warm(): void {
-  if (drawsInWorkers()) worker ??= started();
+  hand ??= started();
 }
 
-/** A canvas that the worker draws. */
+/** A canvas that is drawn by a worker, if there is one. */
 export class Remote {
   private readonly id = ++last;
   private readonly pictures: ((blob: Blob | null) => void)[] = [];
 
   constructor(
-    canvas: OffscreenCanvas,
+    canvas: Canvas,
     private readonly told: (told: Told) => void = () => undefined,
   ) {
     open.set(this.id, this);
-    this.send({ ask: 'open', canvas }, [canvas]);
+    this.send({ ask: 'open', canvas }, canvas instanceof HTMLCanvasElement ? [] : [canvas]);
   }
 
   /** Ask for something; `transfer` is handed over. */
   send(ask: Ask, transfer: Transferable[] = []): void {
-    worker ??= started();
-    worker.postMessage({ canvas: this.id, ask }, transfer);
+    hand ??= started();
+    hand.postMessage({ canvas: this.id, ask }, transfer);
   }
 
   /** Return a picture of a scene. */

@@ -38,10 +38,11 @@ export class Viewer {
   state: DrawingState = 'ready';
 
   private readonly canvas = document.createElement('canvas');
-  private readonly remote: Remote | null;
+  private readonly remote: Remote;
   private readonly sizes: ResizeObserver;
-  private size = { width: 0, height: 0, ratio: 1 };
+  private size = { width: 0, height: 0 };
   private scene = PLAIN;
+  private sharpness: MediaQueryList | null = null;
   private request = 0;
   private drawing = false;
   private stale = false; // something changed while a picture was drawn
@@ -58,13 +59,14 @@ export class Viewer {
       this.invalidate();
       this.settle();
     });
-    this.remote = drawsInWorkers() ? new Remote(this.canvas.transferControlToOffscreen(), this.hear) : null;
-    if (this.remote === null) this.state = 'unsupported'; // which the views say in words
+    const canvas = drawsInWorkers() ? this.canvas.transferControlToOffscreen() : this.canvas;
+    this.remote = new Remote(canvas, this.hear);
     this.canvas.addEventListener('keydown', this.key);
     this.sizes = new ResizeObserver(() => {
       this.resize();
     });
     this.sizes.observe(this.element);
+    this.sharpen();
   }
 
   /** Say what is shown to those who cannot see it. */
@@ -78,22 +80,22 @@ export class Viewer {
   /** Put another surface in; its first state, which is handed over, is `key` from then on. */
   load({ index, frame, bounds }: Drawable, key = 'first'): void {
     this.scene = { ...this.scene, states: null };
-    this.remote?.send({ ask: 'load', index, key, frame, bounds }, [index.buffer, ...buffersOf(frame)]);
+    this.remote.send({ ask: 'load', index, key, frame, bounds }, [index.buffer, ...buffersOf(frame)]);
     this.invalidate();
   }
 
   /** Hand over a state of the surface, or a quantity, for `show` to name. */
   keep(key: string, numbers: Frame | Float32Array<ArrayBuffer>): void {
-    this.remote?.send({ ask: 'keep', key, numbers }, buffersOf(numbers));
+    this.remote.send({ ask: 'keep', key, numbers }, buffersOf(numbers));
   }
 
   drop(key: string): void {
-    this.remote?.send({ ask: 'drop', key });
+    this.remote.send({ ask: 'drop', key });
   }
 
   /** Draw what is wrong with the surface; it may stand alone, if there is no preview. */
   mark(faults: Located | null, places: readonly Location[]): void {
-    this.remote?.send({ ask: 'mark', faults, places, positions: faults?.positions ?? null });
+    this.remote.send({ ask: 'mark', faults, places, positions: faults?.positions ?? null });
     this.invalidate();
   }
 
@@ -130,7 +132,6 @@ export class Viewer {
 
   /** Return the picture as PNG. */
   picture(): Promise<Blob> {
-    if (this.remote === null) return Promise.reject(new Error('this browser draws no pictures'));
     return this.remote.picture(this.whole(), 'image/png');
   }
 
@@ -138,8 +139,9 @@ export class Viewer {
     cancelAnimationFrame(this.request);
     clearTimeout(this.rest);
     this.sizes.disconnect();
+    this.sharpness?.removeEventListener('change', this.sharpen);
     this.camera.dispose();
-    this.remote?.close();
+    this.remote.close();
     this.element.remove();
   }
 
@@ -149,7 +151,8 @@ export class Viewer {
   }
 
   private whole(): Scene {
-    const { size, scene, camera } = this;
+    const { scene, camera } = this;
+    const size = { ...this.size, ratio: Math.min(devicePixelRatio, 2) };
     return { ...scene, size, pose: poseOf(camera.view, camera.up, size.width / Math.max(size.height, 1)) };
   }
 
@@ -165,7 +168,7 @@ export class Viewer {
   }
 
   private draw(): void {
-    if (this.remote === null || this.size.width === 0) return;
+    if (this.size.width === 0) return;
     this.drawing = true;
     this.stale = false;
     if (this.camera.update()) this.stale = true; // a movement that runs out goes on
@@ -187,10 +190,17 @@ export class Viewer {
   private resize(): void {
     const { clientWidth: width, clientHeight: height } = this.element;
     if (width === 0 || height === 0) return;
-    this.size = { width, height, ratio: Math.min(devicePixelRatio, 2) };
+    this.size = { width, height };
     this.camera.resize(width, height);
     this.invalidate();
   }
+
+  /** Draw as finely as the screen shows, also on another screen: the size alone does not tell of that. */
+  private readonly sharpen = (): void => {
+    this.sharpness = matchMedia(`(resolution: ${devicePixelRatio}dppx)`);
+    this.sharpness.addEventListener('change', this.sharpen, { once: true });
+    this.invalidate();
+  };
 
   private settle(): void {
     this.onMove(this.camera.view);
