@@ -31,10 +31,12 @@ export class SpherifyViewer extends HTMLElement {
 
   disconnectedCallback(): void {
     removeEventListener('message', this.hear);
+    this.shown = ''; // what it is told meanwhile is in the next address, and the old one is not loaded again
+    this.frame.removeAttribute('src');
   }
 
   attributeChangedCallback(name: string, _: string | null, value: string | null): void {
-    if (!this.isConnected) return;
+    if (this.shown === '') return;
     if (name === 'service' || name === 'job') this.load();
     else if (name === 'iteration') this.send({ iteration: value === null ? null : Number(value) });
     else if (name === 'color') this.send({ color: FIELDS.find((field) => field === value) ?? null });

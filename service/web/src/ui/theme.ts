@@ -1,15 +1,18 @@
+import { storage } from '../core/storage';
+
 /** Light, dark, or as the system has it. */
 export type Theme = 'auto' | 'light' | 'dark';
 
 const KEY = 'spherify.theme';
 const ORDER: readonly Theme[] = ['auto', 'light', 'dark'];
+let chosen: Theme = 'auto'; // where nothing is kept
 const listeners = new Set<() => void>();
 const system = matchMedia('(prefers-color-scheme: dark)');
 system.addEventListener('change', tell);
 
 /** Return the choice that was made. */
 export function theme(): Theme {
-  const kept = localStorage.getItem(KEY);
+  const kept = storage()?.getItem(KEY) ?? chosen;
   return ORDER.find((one) => one === kept) ?? 'auto';
 }
 
@@ -22,7 +25,8 @@ export function applyTheme(choice: Theme = theme()): void {
 /** Take the next of the three, and keep it. */
 export function nextTheme(): Theme {
   const next = ORDER[(ORDER.indexOf(theme()) + 1) % ORDER.length] ?? 'auto';
-  localStorage.setItem(KEY, next);
+  chosen = next;
+  storage()?.setItem(KEY, next);
   tell();
   return next;
 }

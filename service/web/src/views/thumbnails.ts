@@ -2,6 +2,7 @@ import { poseOf } from '../core/camera';
 import { Emitter } from '../core/emitter';
 import type { CameraView, Up } from '../core/route';
 import { Shelf } from '../core/shelf';
+import { storage } from '../core/storage';
 import type { MeshWorker } from '../mesh/pool';
 import { idle, painted } from '../ui/painted';
 import { drawsInWorkers, Remote } from '../viewer/remote';
@@ -111,12 +112,4 @@ function address(blob: Blob): Promise<string> {
     };
     reader.readAsDataURL(blob);
   });
-}
-
-function storage(): Storage | null {
-  try {
-    return localStorage;
-  } catch {
-    return null; // a browser that keeps nothing
-  }
 }
