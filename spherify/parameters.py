@@ -14,6 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, create_model
 from pydantic.fields import FieldInfo
 
 from spherify.geometry.config import (
+    LATE,
     Annealing,
     Boundary,
     Config,
@@ -66,7 +67,7 @@ class UnfoldingParameters(_Strict):
             gt=0,
             lt=1,
             title="Sphericity",
-            description="From this Ψ on; from less after 120 iterations, or where nothing gets rounder.",
+            description=f"From this Ψ on; from less after {LATE} iterations, or where nothing gets rounder.",
         ),
     ]
     exponent: Annotated[

@@ -7,7 +7,7 @@ ours (window, step bound, relaxation, momentum, rescale, annealing, unfolding) s
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import Final, Literal, TypeAlias
 
 from spherify.geometry.errors import InvalidConfigError
 
@@ -57,6 +57,9 @@ class Annealing:
             raise InvalidConfigError(f"annealing.factor must lie between 0 and 1, not {self.factor}")
         if not self.min_step > 0:
             raise InvalidConfigError(f"annealing.min_step must be positive, not {self.min_step}")
+
+
+LATE: Final = 120  # iterations; bulges are left then that are many triangles wide, and take T very long
 
 
 @dataclass(frozen=True, slots=True)

@@ -173,10 +173,11 @@ def evened_out(V: Floats, centre: Floats, k_in: int, k_out: int) -> Floats | Non
     The normal curvature of the edge from p to q, with the direction of p for the normal, is that of the sphere about c
     through p where |q - c| = |p - c|. What it exceeds that by, times |p - q|², is a length as K(e) = l·θ of the paper
     is, and, with the mean radius of the edge in the place of that of p, K(e) = 2 (|p - c| - |q - c|). K(p) is half its
-    average over the edges from p to *all* other vertices, |p - c| less the mean radius: over those of the mesh alone,
-    a bulge over half of the surface would take as many steps as there are vertices across it, squared. It is 0 on a
+    average over the edges from p to *all* other vertices, but for n/(n - 1): |p - c| less the mean radius. Over those
+    of the mesh alone, a wide bulge would take as many steps as there are vertices across it, squared. It is 0 on a
     round sphere whatever its triangles, which curvature from angles and areas is not. The window is ±g with g the
-    greatest |K|, and C = EVENING·g: an inward and an outward step leave about 1 - EVENING of every K.
+    greatest |K|, and C = EVENING·g: an inward and an outward step leave about 1 - EVENING of every K. No radius falls
+    below LEAST_RADIUS of what it was: none passes the centre.
 
     Args:
         V: (n, 3) positions.

@@ -9,13 +9,13 @@ import pytest
 
 from benchmarks.shapes import SHAPES
 from spherify.geometry import measures
-from spherify.geometry.config import Stage, Unfolding
+from spherify.geometry.config import LATE, Stage, Unfolding
 from spherify.geometry.errors import InvalidConfigError
 from spherify.geometry.flow import StopReason, flow
 from spherify.geometry.kernels import ENGINES, get_engine
 from spherify.geometry.mesh import TriangleMesh
 from spherify.geometry.methods.control import LOOKED_EVERY, Control, Phase
-from spherify.geometry.methods.curvature import LATE, TURNED
+from spherify.geometry.methods.curvature import TURNED
 from spherify.geometry.presets import PRESETS
 from spherify.geometry.quality import inward_faces
 from spherify.geometry.samples.implicit import surface

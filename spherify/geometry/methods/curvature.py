@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 
 from spherify.geometry import measures
-from spherify.geometry.config import FlowConfig, Stage
+from spherify.geometry.config import LATE, FlowConfig, Stage
 from spherify.geometry.kernels import Engine, Kernel
 from spherify.geometry.mesh import Floats
 from spherify.geometry.methods.control import LOOKED_EVERY, PLATEAU_RISE, Control, Phase, grown
@@ -30,10 +30,9 @@ from spherify.geometry.unfolding import Unfolded, covering, evened_out, folds
 
 STANDSTILL: Final = "the curvature is the same at every vertex, so the transformation does not move any"
 ROUND_ENOUGH: Final = (
-    0.2  # radius variation below which a run goes on on the sphere where nothing gets rounder
+    0.2  # radius variation below which it is on the sphere that a run goes on when it is stuck
 )
-LATE: Final = 120  # iterations; bulges are left then that are many triangles wide, and take T very long
-LATE_ENOUGH: Final = 0.8  # sphericity from which on a run goes on on the sphere from then
+LATE_ENOUGH: Final = 0.8  # sphericity from which on it is after LATE iterations
 TURNED: Final = 0.1  # share of the sphere that inward faces may cover; more are no folds but a cavity
 PATIENCES: Final = 4  # of the annealing, that something may take on the sphere to get better
 WEIGHT_DAMPING: Final = 1.2  # over the exponent: share of the way the weights go; more, and they swing
