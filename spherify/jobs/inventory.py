@@ -2,7 +2,7 @@
 
 A server can lose some records and keep the others: a replica takes over that was behind, or an older copy is put back.
 And whoever writes files before records may die in between. What is seen without a record in two rounds is restored, if
-there is enough of it; if not, it is removed when it is old.
+there is enough of it; if not, it is removed when it is old. What is there and cannot be read is told of, and left.
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ from collections.abc import Callable, Sequence
 from typing import Final
 
 from spherify.jobs import layout
-from spherify.jobs.rebuild import Stock, named, restore_job, restore_mesh
+from spherify.jobs.errors import StoreUnavailableError
+from spherify.jobs.rebuild import UNREADABLE, Stock, named, restore_job, restore_mesh
 from spherify.jobs.settle import remove_folder
 
 SLICE: Final = 200  # folders in one look
@@ -36,6 +37,7 @@ class Inventory:
         self._jobs: deque[str] = deque()
         self._missing: set[str] = set()  # without a record in the last round
         self._seen: set[str] = set()  # without a record in this one
+        self._unreadable: set[str] = set()  # and told of: once by each process
         self._begun = float("-inf")
 
     def look(self) -> tuple[str, ...]:
@@ -69,17 +71,31 @@ class Inventory:
     ) -> list[str]:
         restored = []
         for name in unknown:
-            extra = named(name, "inventory")
             if name not in self._missing:  # it may be on its way
                 self._seen.add(name)
-            elif restore(self._stock, name):
-                log.warning("its record was lost: restored from its files", extra=extra)
+            elif self._restored(name, folder(name), restore):
                 restored.append(name)
-            elif (removed := self._remove_old(folder(name))) > 0:
-                log.warning("%d files that belong to nothing: removed", removed, extra=extra)
-            else:
-                self._seen.add(name)
         return restored
+
+    def _restored(self, name: str, folder: str, restore: Callable[[Stock, str], bool]) -> bool:
+        """Restore what was without a record in two rounds; what cannot be is removed when it is old."""
+        extra = named(name, "inventory")
+        try:
+            if restore(self._stock, name):
+                log.warning("its record was lost: restored from its files", extra=extra)
+                return True
+        except StoreUnavailableError:
+            raise
+        except UNREADABLE:  # and not removed: it may be all that is left
+            if name not in self._unreadable:
+                log.exception("its record was lost, and its files cannot be read", extra=extra)
+            self._unreadable.add(name)
+        else:
+            if (removed := self._remove_old(folder)) > 0:
+                log.warning("%d files that belong to nothing: removed", removed, extra=extra)
+                return False
+        self._seen.add(name)
+        return False
 
     def _remove_old(self, folder: str) -> int:
         """Remove what nobody has written to for a day."""

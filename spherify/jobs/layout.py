@@ -8,6 +8,7 @@
                snapshots/{token}-{iteration}.npz           before the snapshot is known; public
                checkpoints/{token}-{iteration}.npz         between snapshots; swept at the end
                result.json                                 before the end is known; the first one wins
+               result-again.json                           the same, where result.json is damaged
     tombstones/{job}                                       before the record of a deleted job is removed; 30 days;
                                                            holds the Idempotency-Key it was asked for under
 
@@ -99,6 +100,11 @@ def token_of(key: str) -> int:
 def result(job_id: str) -> str:
     """Return the key of how it ended."""
     return f"jobs/{job_id}/result.json"
+
+
+def result_again(job_id: str) -> str:
+    """Return the key of how it ended where `result` is damaged."""
+    return f"jobs/{job_id}/result-again.json"
 
 
 def snapshots(job_id: str) -> str:

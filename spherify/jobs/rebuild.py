@@ -1,7 +1,8 @@
 """Bring records back that the server lost: everything that was acknowledged is in the files.
 
     tombstones/{job}                    the job was deleted, and stays so, and so does its Idempotency-Key
-    jobs/{job}/result.json              the job ended so
+    jobs/{job}/result.json              the job ended so; if it is damaged, and nothing else says how the job ended,
+                                        the job goes on from its newest state, and ends so once more
     jobs/{job}/cancel.json              the job was to be cancelled, and is
     jobs/{job}/spec.json                the job waits again, and goes on from its newest checkpoint; of all jobs also
                                         the Idempotency-Key, for the rest of its day
@@ -19,6 +20,7 @@ import logging
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Final
 
 from spherify.jobs import layout
 from spherify.jobs.accounts import read_account
@@ -31,6 +33,8 @@ from spherify.jobs.repeats import KEPT_S, RepeatStore
 from spherify.jobs.results import Result, read_result
 from spherify.jobs.settle import settle
 
+UNREADABLE: Final = (JobsError, OSError, ValueError, LookupError, TypeError)
+"""What a file of another form than ours raises: its trouble, not that of the others."""
 log = logging.getLogger(__name__)
 
 
@@ -121,13 +125,13 @@ def restore_job(stock: Stock, job_id: str) -> bool:
         spec = load_spec(blobs.read(layout.spec(job_id)))
     except BlobNotFoundError:
         return False
+    ended = blobs.stat(layout.result(job_id))
     result = read_result(blobs, job_id)
-    if result is None and blobs.stat(layout.withdrawn(job_id)) is not None:
+    if result is None and ended is None and blobs.stat(layout.withdrawn(job_id)) is not None:
         return False
     if spec.request is not None:
         stock.repeats.remember(spec.request.name, spec.request.fingerprint, job_id, spec.created_at)
     if result is not None:
-        ended = blobs.stat(layout.result(job_id))
         return stock.jobs.restore(
             _ended(spec, result, ended.created_at if ended else time.time()), result.rows
         )
@@ -169,12 +173,6 @@ def _tried(stock: Stock, name: str, restore: Callable[[Stock, str], bool]) -> bo
         return restore(stock, name)
     except StoreUnavailableError:
         raise
-    except (
-        JobsError,
-        OSError,
-        ValueError,
-        LookupError,
-        TypeError,
-    ):  # files of another form: not the others' trouble
+    except UNREADABLE:
         log.exception("cannot be restored", extra=named(name, "rebuild"))
         return False

@@ -26,12 +26,13 @@ def settle(jobs: JobStore, blobs: BlobStore, job_id: str) -> None:
             job = jobs.get(job_id)
             if not job.status.done:
                 return
-            if blobs.stat(layout.result(job_id)) is None:
-                write_result(blobs, _result_of(job, jobs.metrics(job_id)))
+            result = read_result(blobs, job_id)
+            if result is None:
+                result = write_result(blobs, _result_of(job, jobs.metrics(job_id)))
             remove_folder(blobs, layout.checkpoints(job_id))
             remove_folder(blobs, layout.attempts(job_id))
             if job.attempt > 1 or job.status is not JobStatus.SUCCESSFUL:
-                _remove_unnamed(blobs, job)
+                _remove_unnamed(blobs, job, result)
             settled = jobs.settled(job_id, deleted=False)
         except JobGoneError:
             remove_folder(blobs, layout.job_folder(job_id))
@@ -43,16 +44,14 @@ def remove_folder(blobs: BlobStore, prefix: str) -> int:
     return sum(blobs.delete(stat.key) for stat in list(blobs.list(prefix)))
 
 
-def _remove_unnamed(blobs: BlobStore, job: Job) -> None:
+def _remove_unnamed(blobs: BlobStore, job: Job, result: Result) -> None:
     """Remove the snapshots that nobody knows of.
 
     Those of an earlier attempt that a later one made once more, to the same bytes, and those of a runner that was
     killed before it told of them. What the result names stays also if the record ended otherwise: the records may get
     lost.
     """
-    result = read_result(blobs, job.id)
-    known = (*job.snapshots, *(() if result is None else result.snapshots))
-    named = {snapshot.key for snapshot in known}
+    named = {snapshot.key for snapshot in (*job.snapshots, *result.snapshots)}
     for stat in list(blobs.list(layout.snapshots(job.id))):
         if stat.key not in named:
             blobs.delete(stat.key)

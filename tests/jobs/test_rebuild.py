@@ -331,6 +331,32 @@ def test_a_record_that_alone_is_lost_is_restored(stock: Stock, client: redis.Red
     assert rounds(stock) == []
 
 
+def test_files_that_cannot_be_read_are_told_of_once_kept_and_not_in_the_way(
+    stock: Stock, client: redis.Redis, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    spoilt = job_spec()
+    specs = [submitted(stock) for _ in range(2)]
+    stock.blobs.create(layout.spec(spoilt.id), b"{")
+    os.utime(tmp_path / "blobs" / layout.spec(spoilt.id), (1.0, 1.0))
+    client.delete(*(keys.job(spec.id) for spec in specs))
+    assert sorted(rounds(stock, 4, slice_=200)) == sorted(spec.id for spec in specs)
+    assert stock.blobs.stat(layout.spec(spoilt.id)) is not None
+    assert [record.__dict__["job_id"] for record in caplog.records if record.exc_info] == [spoilt.id]
+
+
+def test_a_job_whose_result_is_damaged_comes_back_and_goes_on(
+    stock: Stock, lose: Callable[[], object], tmp_path: Path
+) -> None:
+    spec = ended(stock, Outcome(JobStatus.SUCCESSFUL, "converged", None, 3, 3))
+    stock.blobs.create(layout.withdrawn(spec.id), b"")  # an answer was lost, and it was taken all the same
+    path = tmp_path / "blobs" / layout.result(spec.id)
+    path.write_bytes(path.read_bytes()[:-9])
+    lose()
+    rebuild(stock)
+    assert stock.jobs.get(spec.id).status is JobStatus.ACCEPTED
+    assert stock.queue.pending() == [spec.id]
+
+
 def test_files_that_belong_to_nothing_are_removed_when_they_are_old(stock: Stock, tmp_path: Path) -> None:
     spec, young = job_spec(), job_spec()
     for made in (spec, young):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import pytest
 
 from spherify.jobs.errors import StoreUnavailableError
-from spherify.jobs.ports import BlobStat
 from spherify.jobs.reconcile import Reconciler
 from spherify.jobs.submit import submit
 from spherify.stores.memory_blobs import MemoryBlobStore
@@ -19,7 +18,7 @@ LEASE_S = 30.0  # the world's
 class Away(MemoryBlobStore):
     """Files that cannot be reached."""
 
-    def stat(self, key: str) -> BlobStat | None:
+    def read(self, key: str) -> bytes:
         raise StoreUnavailableError
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -116,6 +117,46 @@ def test_a_worker_that_died_after_its_commit_leaves_no_checkpoints(world: World)
     assert settled(world) == (spec.id,)
     assert list(world.blobs.list(layout.checkpoints(spec.id))) == []
     assert read_result(world.blobs, spec.id) == result
+
+
+@pytest.mark.parametrize("damaged", [b"", b"{", b"[1]", b"7", b'{"outcome": "\xff"}', b'{"job_id": "a"}'])
+def test_a_damaged_result_is_judged_once_and_written_anew_from_the_record(
+    world: World, caplog: pytest.LogCaptureFixture, damaged: bytes
+) -> None:
+    spec = job_spec()
+    submit(world.jobs, world.blobs, world.queue, spec)
+    world.blobs.create(layout.result(spec.id), damaged)
+    assert cancel(world.jobs, world.blobs, spec.id) is CancelOutcome.CANCELLED
+    assert world.jobs.unsettled() == []
+    result = read_result(world.blobs, spec.id)
+    assert result is not None
+    assert result.outcome.status is JobStatus.CANCELLED
+    settle(world.jobs, world.blobs, spec.id)
+    assert write_result(world.blobs, result_of(spec.id, 9)) == result, "the first one wins there, too"
+    assert [record.__dict__["job_id"] for record in caplog.records if "damaged" in record.message] == [
+        spec.id
+    ]
+
+
+def test_a_result_that_was_altered_is_no_result(world: World) -> None:
+    write_result(world.blobs, result_of("job_a", 1))
+    text = world.blobs.read(layout.result("job_a"))
+    world.blobs.create(layout.result("job_b"), text.replace(b'"iteration":2', b'"iteration":3'))
+    assert read_result(world.blobs, "job_b") is None
+    old = json.loads(text)
+    del old["sha256"]
+    world.blobs.create(layout.result("job_c"), json.dumps(old).encode())
+    assert read_result(world.blobs, "job_c") == result_of("job_a", 1), "of before there were checksums"
+
+
+def test_where_every_result_is_damaged_the_record_alone_tells_the_end(world: World) -> None:
+    spec = job_spec()
+    submit(world.jobs, world.blobs, world.queue, spec)
+    for key in (layout.result(spec.id), layout.result_again(spec.id)):
+        world.blobs.create(key, b"{")
+    world.jobs.request_cancel(spec.id)
+    assert settled(world) == (spec.id,)
+    assert settled(world) == ()
 
 
 def test_files_of_a_job_whose_deletion_was_broken_off_are_removed(world: World) -> None:

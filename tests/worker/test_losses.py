@@ -6,12 +6,13 @@ import json
 import os
 import signal
 import time
+from dataclasses import replace
 
 from spherify.jobs import layout
 from spherify.jobs.cancel import cancel
 from spherify.jobs.codec import dump_record
 from spherify.jobs.model import JobStatus
-from spherify.jobs.results import read_result
+from spherify.jobs.results import read_result, write_result
 from spherify.stores import keys
 from tests.jobs.examples import ENDLESS, job_spec
 from tests.processes import await_gone, below
@@ -190,10 +191,37 @@ def test_a_worker_that_sleeps_through_its_lease_is_fenced(stack: Stack, undistur
 
 def test_a_worker_that_died_between_file_and_record_is_made_up_for(stack: Stack) -> None:
     first = finished(stack, submitted(stack, job_spec(iterations=4)))
-    text = stack.stores.blobs.read(layout.result(first.id))
     spec = job_spec(iterations=4)
-    stack.stores.blobs.create(layout.result(spec.id), text.replace(first.id.encode(), spec.id.encode()))
+    write_result(stack.stores.blobs, replace(check_whole(stack, first), job_id=spec.id))
     job = finished(stack, submitted(stack, spec))
     assert (job.status, job.attempt) == (JobStatus.SUCCESSFUL, 1)
     assert hashes(job) == hashes(first)
     wait_for(lambda: actions(stack, job.id) == ["claim", "adopt", "commit"])
+
+
+def test_a_damaged_result_is_passed_over_by_whoever_takes_the_job_up(stack: Stack) -> None:
+    first = finished(stack, submitted(stack, job_spec(iterations=4)))
+    spec = job_spec(iterations=4)
+    stack.stores.blobs.create(layout.result(spec.id), stack.stores.blobs.read(layout.result(first.id))[:-9])
+    job = finished(stack, submitted(stack, spec))
+    check_whole(stack, job)
+    assert (job.attempt, job.losses) == (1, 0)
+    assert hashes(job) == hashes(first)
+    wait_for(lambda: actions(stack, job.id) == ["claim", "start", "result", "commit"])
+
+
+def test_a_cancelled_job_with_a_damaged_result_is_settled_once(stack: Stack) -> None:
+    spec = job_spec()
+    stack.stores.blobs.create(layout.spec(spec.id), dump_record(spec).encode())
+    stack.stores.blobs.create(layout.result(spec.id), b'{"job_id":')
+    stack.stores.jobs.add(spec)
+    stack.stores.jobs.request_cancel(spec.id)  # and whoever did so died before it wrote the end
+    wait_for(lambda: spec.id not in stack.stores.jobs.unsettled())
+    result = read_result(stack.stores.blobs, spec.id)
+    assert result is not None
+    assert result.outcome.status is JobStatus.CANCELLED
+    told = wait_for(
+        lambda: [line["message"] for line in log_lines(stack, spec.id) if line["action"] == "result"]
+    )
+    assert len(told) == 1
+    assert layout.result_again(spec.id) in str(told[0])
