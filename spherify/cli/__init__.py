@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import gc
+
 from spherify.cli.commands import app
 
 
 def main() -> None:
     """Run the command line."""
+    gc.set_threshold(
+        50_000
+    )  # what is imported stays: to look through it every 700 objects is a tenth of a short run
     app()

@@ -213,6 +213,17 @@ def test_nothing_is_compiled_in_a_run_once_warm():
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
+def test_kept_code_is_loaded_without_what_compiles():
+    """numba's implementations of everything, with scipy's linear algebra: as long to import as a small mesh takes."""
+    get_engine("compiled").warm()
+    code = (
+        "import sys; from spherify.geometry.kernels.compiled import ENTRIES, CompiledEngine\n"
+        "CompiledEngine().warm(); assert all(entry.signatures for entry in ENTRIES)\n"
+        "assert not {'numba.np.arraymath', 'scipy.linalg'} & set(sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
 def test_other_sources_are_other_machine_code():
     """Every file whose constants the passes take counts among their sources."""
     taken = set()

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -15,7 +16,9 @@ from typing import Any, TypeVar, cast
 import llvmlite.binding as llvm
 from numba import config as _config
 from numba import njit
+from numba.core.caching import FunctionCache
 from numba.core.compiler import Compiler
+from numba.core.runtime.nrt import rtsys
 
 GEOMETRY = Path(__file__).parents[2]
 CONSTANTS_OF = ("transformation.py", "unfolding.py")  # their constants are in the machine code
@@ -61,6 +64,25 @@ def _leave() -> None:
     """Optimise nothing."""
 
 
+class _Kept(FunctionCache):
+    """The machine code of an entry in files, loaded without all that numba would compile with."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)  # type: ignore[no-untyped-call] # numba has no types
+        # numba compares the file of the entry only with that of the kept code, not the files of what it calls.
+        self._cache_file._source_stamp = _sources()
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:  # noqa: ANN401 - as above
+        """Return the code for arguments of some types, or None.
+
+        numba's own imports its implementations of everything first, and scipy's linear algebra with them: a third of
+        what a small mesh takes from beginning to end. Code that is finished needs numba's runtime, no more.
+        """
+        rtsys.initialize(target_context)
+        with self._guard_against_spurious_io_errors():
+            return self._load_overload(sig, target_context)  # type: ignore[no-untyped-call] # as above
+
+
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True}
 
 
@@ -79,12 +101,11 @@ def pasted(function: F) -> F:
 
 def entry(function: F) -> F:
     """Compile a function that Python calls, and keep its machine code for the next process."""
-    try:
-        compiled = njit(cache=True, **_OPTIONS)(function)
-    except RuntimeError:  # there is no place to keep it: a read-only installation, and a user without a home
-        return cast(F, njit(**_OPTIONS)(function))
-    # numba compares the file of the entry only with that of the kept code, not the files of what it calls.
-    compiled._cache._cache_file._source_stamp = _sources()
+    compiled: Any = njit(**_OPTIONS)(function)
+    with suppress(
+        RuntimeError
+    ):  # there is no place to keep it: a read-only installation, and a user without a home
+        compiled._cache = _Kept(function)
     return cast(F, compiled)
 
 

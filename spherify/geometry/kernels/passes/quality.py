@@ -12,6 +12,7 @@ import numpy as np
 
 from spherify.geometry.kernels.passes.jit import entry, inner
 from spherify.geometry.kernels.passes.shape import BLOCK, SEGMENT
+from spherify.geometry.kernels.passes.totals import greatest_of, least_of, total_of
 from spherify.geometry.kernels.passes.types import Floats, Index, Indices
 
 QUALITY, AREA, INWARD = 0, 1, 2  # sums
@@ -108,15 +109,15 @@ def judge(
             )  # fmt: skip
             low = high
         for k in range(3):
-            sums[s, k] = lanes[k, :BLOCK].sum()
+            sums[s, k] = total_of(lanes[k, :BLOCK])
     low = first
     while low < last:
         high = min(np.uint32(low + np.uint32(BLOCK)), last)
         reach(x, y, z, cx, cy, cz, nearest, farthest, low, high)
         low = high
     return (
-        worst[:BLOCK].min(),
-        smallest[:BLOCK].min(),
-        math.sqrt(nearest[:BLOCK].min()),
-        math.sqrt(farthest[:BLOCK].max()),
+        least_of(worst[:BLOCK]),
+        least_of(smallest[:BLOCK]),
+        math.sqrt(least_of(nearest[:BLOCK])),
+        math.sqrt(greatest_of(farthest[:BLOCK])),
     )

@@ -22,15 +22,6 @@ def weigh(area: Floats, exponent: float, greatest: float, low: Index, high: Inde
 
 
 @inner
-def greatest_of(v: Floats, low: Index, high: Index) -> float:
-    """Return the greatest of some numbers that are not negative."""
-    greatest = 0.0
-    for p in range(low, high):
-        greatest = v[p] if v[p] > greatest else greatest
-    return greatest
-
-
-@inner
 def gather_two(
     ring: Indices, w: Floats, x: Floats, y: Floats, z: Floats,
     sx: Floats, sy: Floats, sz: Floats, total: Floats, begin: bool, one: Index, two: Index, count: Index,

@@ -12,6 +12,7 @@ import numpy as np
 
 from spherify.geometry.kernels.passes.arithmetic import fma
 from spherify.geometry.kernels.passes.jit import entry, inner
+from spherify.geometry.kernels.passes.totals import total_of
 from spherify.geometry.kernels.passes.types import Floats, Index, Indices
 
 BLOCK = 128  # faces; each of its places has sums of its own, so that none waits for another
@@ -96,15 +97,6 @@ def vector_area(
     return sx, sy, sz
 
 
-@inner
-def total(sums: Floats, k: int) -> float:
-    """Sum of one column, segment after segment."""
-    found = 0.0
-    for s in range(sums.shape[0]):
-        found += sums[s, k]
-    return found
-
-
 @entry
 def measure(  # noqa: PLR0912 - one entry, for each takes time to load
     position: Floats, corners: Indices, area: Floats, radius: Floats, lanes: Floats, sums: Floats,
@@ -157,12 +149,14 @@ def measure(  # noqa: PLR0912 - one entry, for each takes time to load
                 )
                 low = high
             for k in range(6):
-                sums[s, k] = lanes[k].sum()
+                sums[s, k] = total_of(lanes[k])
     if passes & CENTRE:
-        twice = total(sums, 0)
-        result[0], result[1], result[5] = 0.5 * twice, total(sums, 1) / 6, total(sums, 5)
+        twice = total_of(sums[:, 0])
+        result[0], result[1], result[5] = 0.5 * twice, total_of(sums[:, 1]) / 6, total_of(sums[:, 5])
         for k in range(3):
-            result[2 + k] = total(sums, 2 + k) / (3 * twice) if twice != 0 else position[k].mean()
+            result[2 + k] = (
+                total_of(sums[:, 2 + k]) / (3 * twice) if twice != 0 else total_of(position[k]) / n
+            )
         if not closed:
             vx, vy, vz = vector_area(x, y, z, a, b, c)
             result[1] -= (result[2] * vx + result[3] * vy + result[4] * vz) / 6
@@ -178,14 +172,14 @@ def measure(  # noqa: PLR0912 - one entry, for each takes time to load
                 high = min(np.uint32(low + np.uint32(BLOCK)), end)
                 moments(a, b, c, area, radius, result[7], lanes[6], lanes[7], low, high)
                 low = high
-            sums[s, 6], sums[s, 7] = lanes[6].sum(), lanes[7].sum()
+            sums[s, 6], sums[s, 7] = total_of(lanes[6]), total_of(lanes[7])
     if passes & SPREAD:
         # The variance about a radius, less the square of what that is off the mean by: no digits are lost.
         weight = 6 * result[0]
         if weight == 0:
             result[6] = np.inf
         else:
-            off = total(sums, 6) / weight
-            variance = total(sums, 7) / weight - off * off
+            off = total_of(sums[:, 6]) / weight
+            variance = total_of(sums[:, 7]) / weight - off * off
             variance = variance if variance > 0 else 0.0 * variance
             result[6] = math.sqrt(variance) / (result[7] + off)

@@ -6,8 +6,9 @@ import numpy as np
 
 from spherify.geometry.kernels.passes.jit import entry, inner
 from spherify.geometry.kernels.passes.movement import move, move_to
-from spherify.geometry.kernels.passes.relaxation import greatest_of, relax, weigh
+from spherify.geometry.kernels.passes.relaxation import relax, weigh
 from spherify.geometry.kernels.passes.selection import percentiles
+from spherify.geometry.kernels.passes.totals import greatest_of
 from spherify.geometry.kernels.passes.types import (
     CONSTANT,
     EXTREMES,
@@ -81,7 +82,7 @@ def work(mesh: Connectivity, use: Buffers, scratch: Scratch, mode: Mode, task: T
             K_min, K_max, finite = vertex_pass(mesh, use, scratch, mode, task.first_run, task.last_run)
             exponent = mode.relaxation_exponent
             if task.relaxation > 0 and exponent != 0 and exponent != 1:  # noqa: PLR1714 - a set would be allocated
-                greatest = greatest_of(use.area, task.first, task.last)
+                greatest = greatest_of(use.area[task.first : task.last])
             end = MOVED if finite else NOT_FINITE
         if task.passes & EXTREMES and end == MOVED:
             K_min, K_max = extremes(use, mode, K_min, K_max)
