@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import sys
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -34,33 +34,45 @@ class Resumption:
     snapshots: tuple[Snapshot, ...]
 
 
-def find_resumption(blobs: BlobStore, job_id: str, plan: SnapshotPlan) -> Resumption:
+def find_resumption(
+    blobs: BlobStore, job_id: str, plan: SnapshotPlan, foreign: Collection[bytes] = ()
+) -> Resumption:
     """Look through the files of all attempts; a damaged one counts as if it had never been written.
 
-    The state found is the newest one before which no planned snapshot is missing, so that going on from it leaves
-    the same files as a run that was never interrupted.
+    The state found is the newest one before which no planned snapshot of the same run is missing, so that going on from
+    it leaves the same files as a run that was never interrupted.
+
+    Args:
+        blobs: where the files are.
+        job_id: whose.
+        plan: iterations whose states are kept.
+        foreign: runs that nobody can go on with, by `run_of`: their files count as if they had never been written.
+
     """
     public = _by_iteration(blobs, layout.snapshots(job_id))
     states = _by_iteration(blobs, layout.checkpoints(job_id))
     for iteration, stats in public.items():
         states[iteration] += stats
-    snapshots: list[Snapshot] = []
-    gap = None
-    for iteration in plan.iterations:
-        found = _intact_snapshot(blobs, iteration, public.get(iteration, []))
-        if found is None:
-            gap = iteration
-            break
-        snapshots.append(found)
+    kept: dict[bytes, tuple[list[Snapshot], float]] = {}
     for iteration in sorted(states, reverse=True):
-        if gap is not None and iteration >= gap:
-            continue
         for stat in _newest_first(states[iteration]):
             loaded = _load(blobs, stat)
-            if loaded is not None and BEST in loaded[1]:  # a best state kept in hindsight leads nowhere
-                upto = tuple(s for s in snapshots if s.iteration <= iteration)
-                return Resumption(loaded[1], upto)
+            if loaded is None or BEST not in loaded[1]:  # a best state kept in hindsight leads nowhere
+                continue
+            run = run_of(loaded[1])
+            if run in foreign:
+                continue
+            if run not in kept:
+                kept[run] = _planned(blobs, plan, public, run)
+            snapshots, gap = kept[run]
+            if iteration < gap:
+                return Resumption(loaded[1], tuple(s for s in snapshots if s.iteration <= iteration))
     return Resumption(None, ())
+
+
+def run_of(arrays: Mapping[str, NDArray[Any]]) -> bytes:
+    """Return what tells the states of one run: mesh, parameters, and which version of which engine computed them."""
+    return arrays["fingerprint"].tobytes() if "fingerprint" in arrays else b""
 
 
 def snapshot_record(iteration: int, stat: BlobStat, content: bytes, row: Row) -> Snapshot:
@@ -75,9 +87,23 @@ def snapshot_record(iteration: int, stat: BlobStat, content: bytes, row: Row) ->
     )
 
 
-def _intact_snapshot(blobs: BlobStore, iteration: int, stats: list[BlobStat]) -> Snapshot | None:
+def _planned(
+    blobs: BlobStore, plan: SnapshotPlan, public: Mapping[int, list[BlobStat]], run: bytes
+) -> tuple[list[Snapshot], float]:
+    """Return the planned snapshots of a run up to the first that is missing, and the iteration of that one."""
+    snapshots: list[Snapshot] = []
+    for iteration in plan.iterations:
+        found = _intact_snapshot(blobs, iteration, public.get(iteration, []), run)
+        if found is None:
+            return snapshots, iteration
+        snapshots.append(found)
+    return snapshots, float("inf")
+
+
+def _intact_snapshot(blobs: BlobStore, iteration: int, stats: list[BlobStat], run: bytes) -> Snapshot | None:
     for stat in _newest_first(stats):
-        if (loaded := _load(blobs, stat)) is not None:
+        loaded = _load(blobs, stat)
+        if loaded is not None and run_of(loaded[1]) == run:
             row = next(r for r in rows_to_list(loaded[1][ROWS]) if r["iteration"] == iteration)
             return snapshot_record(iteration, stat, loaded[0], row)
     return None

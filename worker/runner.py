@@ -33,7 +33,7 @@ from spherify.jobs.errors import (
     StorageFullError,
     StoreUnavailableError,
 )
-from spherify.jobs.model import JobSpec, Progress
+from spherify.jobs.model import JobSpec, Progress, Snapshot
 from spherify.jobs.outcome import internal_error, outcome_of
 from spherify.jobs.ports import BlobStore
 from spherify.jobs.rows import Row
@@ -43,7 +43,7 @@ from spherify.stores.arrays import dump_arrays, load_arrays
 from spherify.stores.files import open_blobs
 from spherify.stores.tether import die_with_parent
 from worker.orders import CANCEL_SIGNAL, HAND_ON_SIGNAL, Order, event_line
-from worker.resume import Resumption, find_resumption, snapshot_record
+from worker.resume import find_resumption, run_of, snapshot_record
 
 _PATIENCE_S: Final = (
     60.0  # with a store that does not answer: the lease is renewed meanwhile, and work is not lost
@@ -52,11 +52,17 @@ _ABANDONED: Final = 3  # exit code: the supervisor is gone
 
 
 class PipeSink:
-    """A `spherify.jobs.run.Sink`: files into the blob store, then their names up the pipe."""
+    """A `spherify.jobs.run.Sink`: files into the blob store, then their names up the pipe.
+
+    Attributes:
+        earlier: snapshots of earlier attempts that this one goes on from; told before anything of its own.
+
+    """
 
     def __init__(self, blobs: BlobStore, order: Order, pipe: BinaryIO) -> None:
         self.blobs = blobs
         self.order = order
+        self.earlier: tuple[Snapshot, ...] = ()
         self._pipe = pipe
 
     def snapshot(self, kept: Kept) -> None:
@@ -83,6 +89,9 @@ class PipeSink:
 
     def send(self, event: str, **content: object) -> None:
         """Write one event and flush it."""
+        for snapshot in self.earlier:
+            self._pipe.write(event_line("snapshot", snapshot=asdict(snapshot)))
+        self.earlier = ()
         self._pipe.write(event_line(event, **content))
         self._pipe.flush()
 
@@ -132,28 +141,30 @@ def _run(mesh: TriangleMesh, spec: JobSpec, sink: PipeSink, told: list[Stop]) ->
     config = stored_parameters(spec.parameters).config()
     plan = SnapshotPlan(spec.snapshots_requested)
 
-    def go(found: Resumption) -> RunEnd:
-        for snapshot in found.snapshots:
-            sink.send("snapshot", snapshot=asdict(snapshot))
-        return run(
-            mesh,
-            config,
-            plan,
-            sink,
-            engine=engine_for(
-                mesh, config, found.arrays, engine=sink.order.engine, threads=sink.order.threads, say=_note
-            ),
-            resume=found.arrays,
-            stop=lambda: told[-1] if told else None,
-            deadline_s=sink.order.deadline_s,
-            checkpoint_s=sink.order.checkpoint_s,
+    foreign: set[bytes] = set()
+    while True:  # as often as there are versions whose files it has
+        found = find_resumption(sink.blobs, spec.id, plan, foreign)
+        sink.earlier = found.snapshots
+        engine = engine_for(
+            mesh, config, found.arrays, engine=sink.order.engine, threads=sink.order.threads, say=_note
         )
-
-    try:
-        return go(find_resumption(sink.blobs, spec.id, plan))
-    except InvalidCheckpointError as e:  # of an earlier version of the program: everything once more
-        _note(f"{spec.id}: begun anew, {e}")
-        return go(Resumption(None, ()))
+        try:
+            return run(
+                mesh,
+                config,
+                plan,
+                sink,
+                engine=engine,
+                resume=found.arrays,
+                stop=lambda: told[-1] if told else None,
+                deadline_s=sink.order.deadline_s,
+                checkpoint_s=sink.order.checkpoint_s,
+            )
+        except InvalidCheckpointError as e:  # at once: of another version of the program, most likely
+            if found.arrays is None:
+                raise
+            foreign.add(run_of(found.arrays))
+            _note(f"{spec.id}: the states of an earlier attempt are passed over, {e}")
 
 
 def _note(sentence: str) -> None:

@@ -10,9 +10,11 @@ from spherify.jobs.errors import StoreUnavailableError
 from spherify.jobs.model import Job, JobSpec, JobStatus
 from spherify.jobs.results import Result, read_result
 from spherify.jobs.submit import submit
+from tests.jobs.examples import ENDLESS
 from tests.stack import Stack, wait_for
 
-LONG = {"iterations": 240, "snapshots": "every:40"}
+LONG = {**ENDLESS, "iterations": 1600, "snapshots": "every:200"}
+"""Changes that make a job of about a second, so that something can happen to it under way."""
 
 
 def submitted(stack: Stack, spec: JobSpec) -> str:

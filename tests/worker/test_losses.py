@@ -72,7 +72,7 @@ def test_a_job_recorded_but_never_sent_is_found(stack: Stack) -> None:
 
 def test_a_killed_runner_costs_one_loss_and_no_bytes(stack: Stack, undisturbed: dict[int, str]) -> None:
     job_id = submitted(stack, job_spec(**LONG))
-    under_way(stack, job_id, 80)
+    under_way(stack, job_id, 400)
     os.kill(runner_of(stack, job_id), signal.SIGKILL)
     job = finished(stack, job_id)
     check_whole(stack, job)
@@ -108,7 +108,7 @@ def test_a_killed_worker_leaves_nothing_and_another_ends_its_job_with_the_same_b
     stack: Stack, undisturbed: dict[int, str]
 ) -> None:
     job_id = submitted(stack, job_spec(**LONG))
-    under_way(stack, job_id, 80)
+    under_way(stack, job_id, 400)
     family = below(stack.workers["0"].pid, "worker")
     assert runner_of(stack, job_id) in {seen.pid for seen in family}
     stack.stop_worker("0", signal.SIGKILL)
@@ -122,7 +122,7 @@ def test_a_killed_worker_leaves_nothing_and_another_ends_its_job_with_the_same_b
 
 def test_a_worker_that_is_stopped_hands_its_job_on(stack: Stack, undisturbed: dict[int, str]) -> None:
     job_id = submitted(stack, job_spec(**LONG))
-    under_way(stack, job_id, 80)
+    under_way(stack, job_id, 400)
     assert stack.stop_worker("0") == 0
     job = stack.stores.jobs.get(job_id)
     assert (job.status, job.losses) == (JobStatus.ACCEPTED, 0)
@@ -138,7 +138,7 @@ def test_a_worker_whose_runner_is_deaf_is_stopped_in_time_and_hands_its_job_on(
     stack: Stack, undisturbed: dict[int, str]
 ) -> None:
     job_id = submitted(stack, job_spec(**LONG))
-    under_way(stack, job_id, 40)
+    under_way(stack, job_id, 200)
     os.kill(runner_of(stack, job_id), signal.SIGSTOP)  # as in a long call of a library
     worker = stack.workers.pop("0")
     worker.send_signal(signal.SIGTERM)
@@ -157,7 +157,7 @@ def test_everything_comes_back_after_the_server_forgot_it(stack: Stack, undistur
     wait_for(lambda: not stack.stores.jobs.unsettled())
     running = submitted(stack, job_spec(**LONG))
     waiting = submitted(stack, job_spec(iterations=2))
-    under_way(stack, running, 40)
+    under_way(stack, running, 200)
     stack.stores.client.flushall()
     for job_id in (running, waiting):
         job = finished_after_all(stack, job_id)
@@ -171,7 +171,7 @@ def test_everything_comes_back_after_the_server_forgot_it(stack: Stack, undistur
 
 def test_a_worker_that_sleeps_through_its_lease_is_fenced(stack: Stack, undisturbed: dict[int, str]) -> None:
     job_id = submitted(stack, job_spec(**LONG))
-    under_way(stack, job_id, 40)
+    under_way(stack, job_id, 200)
     sleeper = runner_of(stack, job_id)
     supervisor = parent_of(parent_of(sleeper))
     os.kill(supervisor, signal.SIGSTOP)

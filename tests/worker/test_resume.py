@@ -50,9 +50,9 @@ def damage(blobs: FolderBlobStore, key: str, how: str) -> None:
     path.write_bytes(content)
 
 
-def iterations(blobs: FolderBlobStore) -> tuple[int | None, list[int]]:
+def iterations(blobs: FolderBlobStore, *foreign: bytes) -> tuple[int | None, list[int]]:
     """Return where to go on, and the snapshots that are taken over."""
-    found = find_resumption(blobs, JOB, PLAN)
+    found = find_resumption(blobs, JOB, PLAN, foreign)
     at = None if found.arrays is None else int(found.arrays["counts"][0])
     return at, [snapshot.iteration for snapshot in found.snapshots]
 
@@ -113,6 +113,29 @@ def test_a_checkpoint_replaces_the_earlier_ones_but_one_and_not_those_of_a_later
     order = Order(JOB, 2, str(blobs.root), memory_bytes=1, deadline_s=1, checkpoint_s=1)
     PipeSink(blobs, order, io.BytesIO()).checkpoint(Kept(22, {"vertices": stone().vertices}, {}))
     assert {stat.key for stat in blobs.list(folder)} == {older[-1], layout.numbered(folder, 2, 22), later}
+
+
+def test_states_of_a_run_that_nobody_can_go_on_with_count_as_if_they_had_never_been_written(
+    blobs: FolderBlobStore,
+) -> None:
+    """An earlier version came to 24, and a later one, beginning anew, to 12; its own file of 0 is damaged."""
+    folders = (layout.snapshots(JOB), layout.checkpoints(JOB))
+    found = {stat.key: load_arrays(blobs.read(stat.key)) for folder in folders for stat in blobs.list(folder)}
+    state = found[layout.numbered(folders[0], 1, 10)]
+    older = (state["fingerprint"] + 1).astype(state["fingerprint"].dtype)
+    for key, arrays in found.items():
+        Path(blobs.root, key).write_bytes(dump_arrays({**arrays, "fingerprint": older}))
+    assert iterations(blobs, older.tobytes()) == (None, [])
+    for iteration in (0, 10):
+        key = layout.numbered(folders[0], 1, iteration)
+        blobs.create(layout.numbered(folders[0], 2, iteration), dump_arrays(found[key]))
+    counts = state["counts"].copy()
+    counts[0] = 12
+    blobs.create(layout.numbered(folders[1], 2, 12), dump_arrays({**state, "counts": counts}))
+    assert iterations(blobs, older.tobytes()) == (12, [0, 10])
+    assert iterations(blobs) == (24, [0, 10, 20]), "as long as nobody has tried"
+    damage(blobs, layout.numbered(folders[0], 2, 0), "flipped")
+    assert iterations(blobs, older.tobytes()) == (None, []), "one of the other run does not stand in for it"
 
 
 def test_another_attempts_copy_stands_in_for_a_damaged_one(blobs: FolderBlobStore) -> None:
