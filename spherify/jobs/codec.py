@@ -58,12 +58,12 @@ def load_request(text: bytes) -> RequestKey | None:
 
 def load_snapshot(data: str | bytes | Mapping[str, Any]) -> Snapshot:
     """Read a snapshot from its JSON, or from the object in it."""
-    return Snapshot(**(data if isinstance(data, Mapping) else json.loads(data)))
+    return Snapshot(**(json.loads(data) if isinstance(data, str | bytes) else data))
 
 
 def load_progress(data: str | bytes | Mapping[str, Any]) -> Progress:
     """Read progress from its JSON, or from the object in it."""
-    return Progress(**(data if isinstance(data, Mapping) else json.loads(data)))
+    return Progress(**(json.loads(data) if isinstance(data, str | bytes) else data))
 
 
 def load_error(text: str | bytes) -> JobError:

@@ -10,14 +10,14 @@ committed (the outcome, for a commit that is repeated); claimant (who may claim 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 
 from spherify.jobs.codec import dump_record, dumps, load_error, load_progress, load_snapshot, load_spec
 from spherify.jobs.model import Job, JobStatus, Outcome
 
 
-def job_of(record: Mapping[str, str], snapshots: Iterable[str], position: int | None) -> Job:
-    """Return the job in a hash, with the JSON of its snapshots and its place in the queue."""
+def job_of(record: Mapping[str, str], snapshots: str, position: int | None) -> Job:
+    """Return the job in a hash, with the JSON list of its snapshots and its place in the queue."""
 
     def integer(name: str) -> int | None:
         return int(record[name]) if name in record else None
@@ -37,7 +37,7 @@ def job_of(record: Mapping[str, str], snapshots: Iterable[str], position: int | 
         lease_until=None if lease is None else lease / 1000,
         progress=load_progress(record["progress"]) if "progress" in record else None,
         metrics=json.loads(record.get("metrics", "{}")),
-        snapshots=tuple(sorted(map(load_snapshot, snapshots), key=lambda s: s.iteration)),
+        snapshots=tuple(sorted(map(load_snapshot, json.loads(snapshots)), key=lambda s: s.iteration)),
         best_iteration=integer("best_iteration"),
         result_iteration=integer("result_iteration"),
         stop_reason=record.get("stop_reason"),

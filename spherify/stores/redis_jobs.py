@@ -34,6 +34,9 @@ log = logging.getLogger(__name__)
 
 _CHUNK: Final = 100  # jobs read at a time once a filter has left some out
 _JOBS_A_CALL: Final = 100  # the server does nothing else meanwhile
+_SNAPSHOTS_A_CALL: Final = (
+    1000  # no further job is read after so many: a job alone has at most as many, and two
+)
 _ROWS_A_CALL: Final = 500  # far below the stack of Lua's unpack, and a call stays short
 
 
@@ -64,16 +67,18 @@ class RedisJobStore:
     def get_all(self, known: Mapping[str, Job | None]) -> dict[str, Job | JobsError]:
         """Return these jobs, or why one is not there; each that is known and still the same as it was given.
 
-        One round trip for so many of them; what is known already is neither sent nor read again.
+        One round trip for so many of them, and for so many snapshots; what is known already is neither sent nor read
+        again.
         """
         found: dict[str, Job | JobsError] = {}
-        ids = list(known)
-        for start in range(0, len(ids), _JOBS_A_CALL):
-            part = ids[start : start + _JOBS_A_CALL]
+        left = list(known)
+        while left:
+            part = left[:_JOBS_A_CALL]
             names = [name for i in part for name in (keys.job(i), keys.snapshots(i), keys.gone(i))]
             args = [arg for i in part for arg in (i, _revision(known[i], i))]
-            answers = self._scripts("read", [keys.QUEUED, *names], args, common=False)
-            found |= {i: _as_found(i, known[i], answer) for i, answer in zip(part, answers, strict=True)}
+            answers = self._scripts("read", [keys.QUEUED, *names], [_SNAPSHOTS_A_CALL, *args], common=False)
+            found |= {i: _as_found(i, known[i], answer) for i, answer in zip(part, answers, strict=False)}
+            left = left[len(answers) :]
         if any(isinstance(job, JobNotFoundError) for job in found.values()) and not self.complete():
             lost = StoreUnavailableError(REBUILDING)  # what is not there may come back
             found |= {i: lost for i, job in found.items() if isinstance(job, JobNotFoundError)}

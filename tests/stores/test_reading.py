@@ -9,9 +9,9 @@ import redis
 
 from spherify.jobs.errors import JobGoneError, JobNotFoundError, JobsError, StoreUnavailableError
 from spherify.jobs.ids import new_job_id
-from spherify.jobs.model import Job, JobStatus, Outcome, Progress
+from spherify.jobs.model import Job, JobStatus, Outcome, Progress, Snapshot
 from spherify.jobs.ports import JobStore
-from spherify.stores import keys
+from spherify.stores import keys, redis_jobs
 from tests.jobs.examples import job_spec
 
 
@@ -32,6 +32,26 @@ def test_more_than_one_call_takes(jobs: JobStore) -> None:
     ids = [jobs.add(job_spec()).id for _ in range(300)]
     found = jobs.get_all(dict.fromkeys(ids))
     assert [job.queue_position for job in found.values() if isinstance(job, Job)] == list(range(300))
+
+
+@pytest.mark.parametrize("make", ["redis"], indirect=True)
+def test_no_call_reads_many_snapshots(
+    client: redis.Redis, jobs: JobStore, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A hundred jobs of a thousand snapshots each would keep the server from everybody else."""
+    monkeypatch.setattr(redis_jobs, "_SNAPSHOTS_A_CALL", 4)
+    ids = [jobs.add(job_spec()).id for _ in range(9)]
+    for job_id in ids[:6]:
+        token = jobs.claim(job_id, "w").token
+        for iteration in range(3):
+            jobs.add_snapshot(job_id, token, Snapshot(iteration, "k", "s", 1, {"area": 1.5}, 1.0))
+    found = jobs.get_all(dict.fromkeys(ids))
+    assert found == {job_id: jobs.get(job_id) for job_id in ids}
+    assert [len(job.snapshots) for job in found.values() if isinstance(job, Job)] == [3] * 6 + [0] * 3
+    client.config_resetstat()
+    jobs.get_all(dict.fromkeys(ids))
+    stats = client.info("commandstats")
+    assert (stats["cmdstat_evalsha"]["calls"], stats["cmdstat_hvals"]["calls"]) == (4, 9)  # type: ignore[index] # not async
 
 
 def test_what_is_known_and_unchanged_is_not_read_again(jobs: JobStore) -> None:

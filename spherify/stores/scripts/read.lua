@@ -1,11 +1,13 @@
 -- Jobs as they are at this moment. Of each: its revision and place in the queue, and, unless that revision is known,
--- its fields and snapshots; 1 if it was deleted, false if it is not there.
+-- its fields and snapshots (a JSON list); 1 if it was deleted, false if it is not there. Fewer answers than jobs where
+-- there are too many snapshots for one call: the rest is to be asked for again.
 -- KEYS: 1 jobs:queued, then of each job its record, snapshots and tombstone.
--- ARGV: of each job its id and the known revision, or ''.
-local found = {}
-for i = 1, #ARGV / 2 do
+-- ARGV: 1 snapshots after which no further job is read; of each job its id and the known revision, or ''.
+local found, left = {}, tonumber(ARGV[1])
+for i = 1, (#ARGV - 1) / 2 do
+  if left <= 0 then break end
   local record, snapshots, gone = KEYS[3 * i - 1], KEYS[3 * i], KEYS[3 * i + 1]
-  local id, known = ARGV[2 * i - 1], ARGV[2 * i]
+  local id, known = ARGV[2 * i], ARGV[2 * i + 1]
   local rev = redis.call('HGET', record, 'rev')
   if not rev then
     found[i] = redis.call('EXISTS', gone) == 1 and 1
@@ -13,7 +15,8 @@ for i = 1, #ARGV / 2 do
     found[i] = {rev, redis.call('ZRANK', KEYS[1], id)}
   else
     local fields, kept = redis.call('HGETALL', record), redis.call('HVALS', snapshots)
-    found[i] = {rev, redis.call('ZRANK', KEYS[1], id), fields, kept}
+    left = left - #kept
+    found[i] = {rev, redis.call('ZRANK', KEYS[1], id), fields, '[' .. table.concat(kept, ',') .. ']'}
   end
 end
 return found
