@@ -1,22 +1,28 @@
 """Reading jobs for all who ask at the same moment: whoever comes while the store is read waits for the next time.
 
 The next reading begins after they have asked: nobody is shown a job older than what was answered to anybody before.
-However many ask, the store is asked once at a time, in one thread.
+However many ask, the store is asked once at a time, in one thread, and for so many jobs at most: where more are asked
+for than are kept in memory, and each has to be read whole, no more of them are held than that.
 """
 
 from __future__ import annotations
 
 import asyncio
+from collections import deque
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from dataclasses import dataclass, field
 from functools import partial
+from typing import Final
 
 from service.job_answers import JobDocuments
 from spherify.jobs.errors import JobsError
 from spherify.jobs.model import Job
 from spherify.jobs.ports import JobStore
+
+MOST: Final = 200
+"""Jobs in one reading."""
 
 _Done = asyncio.Future[dict[str, Job | JobsError]]
 
@@ -42,14 +48,16 @@ class JobReader:
     def __init__(self, jobs: JobStore, documents: JobDocuments) -> None:
         self._jobs = jobs
         self._documents = documents
-        self._next = _Reading()
+        self._coming = deque([_Reading()])  # the last one takes in who asks
         self._busy = False
         # Of its own: whatever else is slow does not hold this up; and a hop to it costs half of one to those of anyio.
         self._thread = ThreadPoolExecutor(1, "jobs")
 
     async def get(self, job_id: str) -> Job:
         """Return a job as it is after this was asked; raises as `JobStore.get` does."""
-        reading = self._next
+        if len(self._coming[-1].known) >= MOST:
+            self._coming.append(_Reading())
+        reading = self._coming[-1]
         reading.known.setdefault(job_id, self._documents.job(job_id))
         if not self._busy:
             self._begin()
@@ -60,7 +68,9 @@ class JobReader:
         return found
 
     def _begin(self) -> None:
-        reading, self._next = self._next, _Reading()
+        reading = self._coming.popleft()
+        if not self._coming:
+            self._coming.append(_Reading())
         self._busy = True
         run = asyncio.get_running_loop().run_in_executor
         run(self._thread, self._jobs.get_all, reading.known).add_done_callback(partial(self._end, reading))
@@ -70,7 +80,7 @@ class JobReader:
         reading.found = done.result() if error is None else dict.fromkeys(reading.known, error)
         reading.over.set()
         self._busy = False
-        if self._next.known:
+        if self._coming[0].known:
             self._begin()
         for job in reading.found.values():
             if isinstance(job, Job):

@@ -69,6 +69,29 @@ def test_who_asks_while_the_store_is_read_shares_the_next_reading_and_sees_what_
     asyncio.run(ask())
 
 
+def test_more_jobs_than_are_kept_are_read_a_bounded_number_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As for ten thousand pages on as many jobs: none is kept, each poll reads, and nobody waits for all."""
+    monkeypatch.setattr("service.reading.MOST", 20)
+    store = GatedStore()
+    ids = [store.add(job_spec()).id for _ in range(50)]
+
+    async def ask() -> None:
+        documents = JobDocuments(most_bytes=10_000)
+        reader = JobReader(store, documents)
+        first = await reading(store, reader, ids[0])
+        later = [asyncio.create_task(reader.get(job_id)) for job_id in ids + ids]
+        await asyncio.sleep(0)
+        store.gate.set()
+        await first
+        found = await asyncio.gather(*later)
+        assert [job.id for job in found] == ids + ids
+        assert [len(asked) for asked in store.asked] == [1, 20, 20, 20, 20, 20]
+        assert all(documents.document(job) for job in found)
+        assert 0 < sum(documents.job(job_id) is not None for job_id in ids) < 5
+
+    asyncio.run(ask())
+
+
 def test_one_that_leaves_and_one_that_is_not_there_cost_the_others_nothing() -> None:
     store = GatedStore()
     there, (missing, _) = store.add(job_spec()).id, new_job_id()
