@@ -1,6 +1,6 @@
 import { execFileSync } from 'node:child_process';
 import { describe, expect, it } from 'vitest';
-import { curl, planOf, python, requestOf } from './snippets';
+import { curl, python, requestOf } from './snippets';
 
 const request = {
   mesh_id: 'mesh_1',
@@ -39,17 +39,10 @@ describe('snippets', () => {
       preset: 'robust',
       parameters: { step: 0.02 },
       iterations: 70,
-      snapshots: [0, 1, 2, 5, 70],
+      snapshots: '1,2,5',
       name: 'cat',
     });
     expect(requestOf({ ...job, parameters: defaults }, defaults)).not.toHaveProperty('parameters');
     expect(requestOf(job, null).parameters).toHaveProperty('window');
-  });
-
-  it('name even steps by their length', () => {
-    expect(planOf([0, 20, 40, 60])).toBe('every:20');
-    expect(planOf([0, 20, 40, 50])).toBe('every:20');
-    expect(planOf([0, 20, 40, 70])).toEqual([0, 20, 40, 70]);
-    expect(planOf([0, 300])).toEqual([0, 300]);
   });
 });

@@ -1,4 +1,5 @@
 import type { JobRequest } from '../api/client';
+import { planOf } from './plan';
 import { changes, type Json, type Values } from './schema';
 
 /** The same request for a terminal and for a program: what the page does, anyone can. */
@@ -51,14 +52,6 @@ export function requestOf(
     snapshots: planOf(job.snapshots.requested),
     name: job.name,
   };
-}
-
-/** Return `every:N` for states that lie N apart, as the first and the last are kept anyway; others one by one. */
-export function planOf(states: readonly number[]): string | readonly number[] {
-  const apart = states.slice(1).map((state, i) => state - (states[i] ?? 0));
-  const [step = 0] = apart;
-  const even = apart.slice(0, -1).every((one) => one === step) && (apart.at(-1) ?? 0) <= step;
-  return apart.length > 1 && states[0] === 0 && even ? `every:${step}` : states;
 }
 
 function quoted(text: string): string {
