@@ -56,7 +56,7 @@ def test_its_own_thread_neither_draws_nor_reads_meshes(page: Page, stack: Stack,
     assert iteration(page) > before
     expect(page.locator(".run img").first).to_be_visible()  # small pictures come from the worker, too
     did = page.evaluate("did")
-    assert set(did["contexts"]) <= {"2d"}  # the chart
+    assert did["contexts"] == []  # the first one has the thread wait for the graphics card, a flat one too
     assert did["fetched"], "the page asks the service by fetch"
     assert not [one for one in did["fetched"] if re.search(r"/(topology|positions|fields)\b", one)]
     assert did["read"] == 0

@@ -1,11 +1,10 @@
-import { html, render } from 'lit-html';
-import uPlot from 'uplot';
-import 'uplot/dist/uPlot.min.css';
+import { html, render, type TemplateResult } from 'lit-html';
 import type { Row } from '../api/types';
+import { axisOf, type Axis } from '../core/axis';
 import { count, figure } from '../core/format';
 import { MEANING } from '../core/meaning';
 import { ticks, type Scale } from '../core/scale';
-import { cssColour, onTheme } from './theme';
+import { at } from './place';
 
 interface Series {
   readonly title: string;
@@ -30,156 +29,119 @@ const SERIES: readonly Series[] = [
 ];
 
 const PAUSE_MS = 300; // between two drawings of a run that goes on
+const SIDE = 1000; // of the drawing, which is stretched to its place
 
-/** The figures of a run against its iterations; a click goes there. */
+/**
+ * The figures of a run against its iterations; a click goes there. Drawn as SVG: a canvas would have the page's own
+ * thread wait for the graphics card, half a second and more at the first one.
+ */
 export class Chart {
   readonly element = document.createElement('div');
-  private readonly canvas = document.createElement('div');
-  private readonly mark = document.createElement('div');
-  private readonly head = document.createElement('div');
-  private readonly sizes: ResizeObserver;
-  private readonly offTheme: () => void;
-  private plot: uPlot | null = null;
   private chosen = 0;
   private rows: readonly Row[] = [];
   private scale: Scale | null = null;
-  private at = 0;
   private timer: ReturnType<typeof setTimeout> | undefined;
 
   constructor(private readonly seek: (iteration: number) => void) {
     this.element.className = 'chart';
-    this.canvas.className = 'plot';
-    this.mark.className = 'here';
-    this.element.append(this.head, this.canvas);
-    this.sizes = new ResizeObserver(() => {
-      this.plot?.setSize(this.size());
-    });
-    this.sizes.observe(this.canvas);
-    this.offTheme = onTheme(() => {
-      this.build();
-    });
-    this.choose(0);
+    this.draw();
   }
 
   data(rows: readonly Row[], scale: Scale): void {
     const same = scale.kind === this.scale?.kind && scale.last === this.scale.last;
     if (same && rows === this.rows) return;
+    const first = this.rows.length < 2;
     this.rows = rows;
     this.scale = scale;
-    this.stand(this.at);
-    if (this.plot === null) this.build();
-    else this.timer ??= setTimeout(this.redraw, PAUSE_MS);
+    if (first) this.draw();
+    else this.timer ??= setTimeout(this.draw, PAUSE_MS);
   }
 
   /** Mark where one stands. The mark is no part of the drawing, as it moves with every frame. */
   stand(iteration: number): void {
-    this.at = iteration;
-    const place = this.scale?.place(iteration) ?? 0;
-    this.mark.style.left = `${100 * place}%`;
+    this.element.style.setProperty('--at', String(this.scale?.place(iteration) ?? 0));
   }
 
   dispose(): void {
     clearTimeout(this.timer);
-    this.sizes.disconnect();
-    this.offTheme();
-    this.plot?.destroy();
   }
 
-  private choose(index: number): void {
-    this.chosen = index;
-    const chip = (series: Series, i: number): unknown =>
+  private readonly draw = (): void => {
+    clearTimeout(this.timer);
+    this.timer = undefined;
+    const chip = (series: Series, i: number): TemplateResult =>
       html`<button
         class="chip"
-        aria-pressed=${i === index ? 'true' : 'false'}
+        aria-pressed=${i === this.chosen ? 'true' : 'false'}
         title=${series.meaning}
         @click=${() => {
-          this.choose(i);
+          this.chosen = i;
+          this.draw();
         }}
       >
         ${series.title}
       </button>`;
     render(
       html`<div class="chips" role="group" aria-label="Figure">${SERIES.map(chip)}</div>
-        <p class="hint">${SERIES[index]?.meaning}</p>`,
-      this.head,
+        <p class="hint">${SERIES[this.chosen]?.meaning}</p>
+        ${this.plot()}`,
+      this.element,
     );
-    this.build();
-  }
-
-  /** Draw what is new, and write other iterations below: the scale's places stay 0 to 1. */
-  private readonly redraw = (): void => {
-    this.timer = undefined;
-    this.plot?.setData(this.columns());
-    this.plot?.redraw(false, true);
   };
 
-  private columns(): uPlot.AlignedData {
+  private plot(): TemplateResult {
     const { scale, rows } = this;
     const [first] = rows;
     const series = SERIES[this.chosen];
-    if (!scale || !series || !first) return [[], []];
-    return [rows.map((row) => scale.place(row.iteration)), rows.map((row) => series.of(row, first))];
-  }
-
-  private size(): { width: number; height: number } {
-    return { width: Math.max(this.canvas.clientWidth, 120), height: 168 };
-  }
-
-  private build(): void {
-    this.plot?.destroy();
-    this.plot = null;
-    const { scale } = this;
-    const empty = this.rows.length < 2;
-    this.canvas.classList.toggle('empty', empty);
-    this.canvas.textContent = empty ? 'The curve begins with the second state.' : '';
-    if (!scale || empty) return;
-    const axis = {
-      stroke: cssColour('--ink-soft'),
-      font: '11px system-ui, sans-serif',
-      grid: { stroke: cssColour('--line'), width: 1 },
-      ticks: { show: false },
-    };
-    const accent = cssColour('--accent');
-    this.plot = new uPlot(
-      {
-        ...this.size(),
-        legend: { show: false },
-        cursor: { y: false, points: { size: 7, fill: accent }, drag: { x: false, y: false } },
-        scales: { x: { time: false, range: [0, 1] } },
-        series: [{}, { stroke: accent, width: 2, points: { show: false }, spanGaps: true }],
-        axes: [
-          {
-            ...axis,
-            size: 24,
-            gap: 4,
-            splits: () => this.ticks().map(([place]) => place),
-            values: () => this.ticks().map(([, tick]) => count(tick)),
-          },
-          { ...axis, size: 48, gap: 4, values: (_, values) => values.map((value) => figure(value, 3)) },
-        ],
-        hooks: {
-          ready: [
-            (plot) => {
-              plot.over.append(this.mark);
-              this.listen(plot);
-            },
-          ],
-        },
-      },
-      this.columns(),
-      this.canvas,
-    );
-  }
-
-  /** Where to write which iteration. */
-  private ticks(): [number, number][] {
-    const { scale } = this;
-    return scale === null ? [] : ticks(scale, 4).map((tick) => [scale.place(tick), tick]);
-  }
-
-  private listen(plot: uPlot): void {
-    plot.over.addEventListener('click', (event) => {
-      if (this.scale) this.seek(this.scale.iteration(plot.posToVal(event.offsetX, 'x')));
+    if (!scale || !series || !first || rows.length < 2)
+      return html`<div class="plot empty">The curve begins with the second state.</div>`;
+    const points = rows.flatMap((row) => {
+      const value = series.of(row, first);
+      return value === null ? [] : [{ place: scale.place(row.iteration), value }];
     });
+    if (points.length === 0) return html`<div class="plot empty">This run has no such figure.</div>`;
+    const values = points.map(({ value }) => value);
+    const axis = axisOf(Math.min(...values), Math.max(...values));
+    const below = ticks(scale, 4);
+    const line = points.map(
+      ({ place, value }, i) => `${i === 0 ? 'M' : 'L'}${across(place)} ${down(axis, value)}`,
+    );
+    const grid = [
+      ...axis.ticks.map((tick) => `M0 ${down(axis, tick)}H${SIDE}`),
+      ...below.map((tick) => `M${across(scale.place(tick))} 0V${SIDE}`),
+    ];
+    const write = (value: number): string => figure(value, axis.digits);
+    return html`<div
+      class="plot"
+      role="img"
+      aria-label="${series.title} against iteration: ${figure(values[0], 4)} at first, ${figure(values.at(-1), 4)} at last"
+    >
+      <div class="area" @click=${this.press}>
+        <svg viewBox="0 0 ${SIDE} ${SIDE}" preserveAspectRatio="none" aria-hidden="true">
+          <path class="grid" d=${grid.join('')} />
+          <path class="curve" d=${line.join('')} />
+        </svg>
+        <div class="here"></div>
+      </div>
+      <div class="up">
+        ${axis.ticks.map((tick) => html`<span ${at(1 - axis.place(tick))}>${write(tick)}</span>`)}
+      </div>
+      <div class="along">
+        ${below.map((tick) => html`<span ${at(scale.place(tick))}>${count(tick)}</span>`)}
+      </div>
+    </div>`;
   }
+
+  private readonly press = (event: MouseEvent): void => {
+    const box = (event.currentTarget as HTMLElement).getBoundingClientRect();
+    if (this.scale) this.seek(this.scale.iteration((event.clientX - box.left) / box.width));
+  };
+}
+
+function across(place: number): string {
+  return (place * SIDE).toFixed(1);
+}
+
+function down(axis: Axis, value: number): string {
+  return ((1 - axis.place(value)) * SIDE).toFixed(1);
 }

@@ -6,9 +6,10 @@ export type Theme = 'auto' | 'light' | 'dark';
 const KEY = 'spherify.theme';
 const ORDER: readonly Theme[] = ['auto', 'light', 'dark'];
 let chosen: Theme = 'auto'; // where nothing is kept
-const listeners = new Set<() => void>();
 const system = matchMedia('(prefers-color-scheme: dark)');
-system.addEventListener('change', tell);
+system.addEventListener('change', () => {
+  applyTheme();
+});
 
 /** Return the choice that was made. */
 export function theme(): Theme {
@@ -27,26 +28,10 @@ export function nextTheme(): Theme {
   const next = ORDER[(ORDER.indexOf(theme()) + 1) % ORDER.length] ?? 'auto';
   chosen = next;
   storage()?.setItem(KEY, next);
-  tell();
+  applyTheme();
   return next;
-}
-
-/** Be told when colours change. */
-export function onTheme(listener: () => void): () => void {
-  listeners.add(listener);
-  return () => listeners.delete(listener);
-}
-
-/** Read a colour of the style sheet, as it is now. */
-export function cssColour(name: string): string {
-  return getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 }
 
 export function reducedMotion(): boolean {
   return matchMedia('(prefers-reduced-motion: reduce)').matches;
-}
-
-function tell(): void {
-  applyTheme();
-  for (const listener of [...listeners]) listener();
 }
