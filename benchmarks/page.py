@@ -29,7 +29,7 @@ SIZES: Final = (50_000, 655_362)
 WATCHED_S: Final = 120.0
 LOOKED_MS: Final = 1500  # that a visitor looks before choosing a file
 SETTLED: Final = (
-    "document.querySelector('.viewer')?.dataset.drawn === 'yes' && !document.querySelector('.note')"
+    "document.querySelector('.viewer:not(.expecting)')?.dataset.drawn === 'yes' && !document.querySelector('.note')"
 )
 READ: Final = "Number(document.querySelector('[role=slider]')?.getAttribute('aria-valuenow') ?? -1)"
 WATCH: Final = """
@@ -46,7 +46,7 @@ REPORTED: Final = """(file) => new Promise((done) => {
   const times = {};
   const look = () => {
     const now = performance.now() - began;
-    if (document.querySelector('.viewer')?.dataset.drawn === 'yes') times.preview ??= now;
+    if (document.querySelector('.viewer:not(.expecting)')) times.preview ??= now;
     if (document.querySelector('.report .good')) times.report ??= now;
     if (times.preview && times.report) done(times);
     else requestAnimationFrame(look);

@@ -70,6 +70,7 @@ def settled(page: Page) -> None:
     """Wait until the picture is there and nothing is on its way."""
     expect(page.locator(".viewer canvas").first).to_be_visible(timeout=LIMIT_MS)
     expect(page.locator(".note", has_text="Loading")).to_have_count(0, timeout=LIMIT_MS)
+    expect(page.locator(".expecting")).to_have_count(0, timeout=LIMIT_MS)
     expect(page.locator(".readout", has_text="loading")).to_have_count(0, timeout=LIMIT_MS)
     expect(page.locator(".viewer:not([data-drawn=yes])")).to_have_count(0, timeout=LIMIT_MS)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import re
 
+import pytest
 from playwright.sync_api import Page, expect
 
 from service.site import BUILT
@@ -44,6 +45,29 @@ def test_before_the_first_picture_little_is_loaded_and_nothing_that_draws() -> N
     assert len(drawing) == 2, "the renderer is a worker's, and once more for browsers that have none for it"
     for start in ("new Worker(new URL(`/assets/{}`", "import(`./{}`)"):
         assert any(start.format(name) in text for name in drawing for text in texts.values()), start
+
+
+EXPECTING = """
+window.expected = [];
+new MutationObserver(() => {
+  const viewer = document.querySelector('.viewer');
+  if (!viewer) return;
+  const now = viewer.classList.contains('expecting') ? 'ball' : viewer.dataset.drawn;
+  if (expected.at(-1) !== now) expected.push(now);
+}).observe(document, { attributes: true, childList: true, subtree: true });
+"""
+
+
+@pytest.mark.parametrize("path", ["/", "/embed"])
+def test_the_place_of_the_picture_is_held_until_it_is_there(
+    page: Page, stack: Stack, run: str, path: str
+) -> None:
+    page.add_init_script(EXPECTING)
+    page.goto(f"{stack.url}{path}?job={run}&it=5")
+    settled(page)
+    seen = page.evaluate("expected")
+    assert seen[0] == "ball"
+    assert "ball" not in seen[1:]  # it is gone with the first picture, and does not come back
 
 
 def test_its_own_thread_neither_draws_nor_reads_meshes(page: Page, stack: Stack, run: str) -> None:

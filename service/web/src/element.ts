@@ -20,7 +20,7 @@ export class SpherifyViewer extends HTMLElement {
     this.frame.allow = 'fullscreen';
     Object.assign(this.frame.style, { border: '0', width: '100%', height: '100%', display: 'block' });
     const style = document.createElement('style');
-    style.textContent = ':host { display: block; aspect-ratio: 4 / 3; }';
+    style.textContent = ':host { display: block; aspect-ratio: 4 / 3; background: rgb(128 128 128 / 12%); }';
     this.attachShadow({ mode: 'open' }).append(style, this.frame);
   }
 

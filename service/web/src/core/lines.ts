@@ -1,6 +1,6 @@
 /** How strongly the lines of triangles are drawn. */
 
-const STRONGEST = 0.34;
+export const STRONGEST = 0.34;
 const FAINTEST = 0.04;
 /** Triangles whose edges are at least so many pixels long have their lines drawn at full strength. */
 const APART_PX = 16;

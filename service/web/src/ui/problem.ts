@@ -3,8 +3,17 @@ import type { Problem } from '../api/problem';
 import { capital } from '../core/format';
 import { icon } from './icons';
 
-/** What went wrong, in the service's own words, and a way on. */
-export function problemCard(problem: Problem, again: (() => void) | null): TemplateResult {
+/** A link to the first page, which the page follows by itself. */
+export function wayHome(): TemplateResult {
+  return html`<a class="plain" href="/">To the first page</a>`;
+}
+
+/** What went wrong, in the service's own words, and a way on: trying it again, or another page. */
+export function problemCard(
+  problem: Problem,
+  again: (() => void) | null,
+  back: TemplateResult | typeof nothing = nothing,
+): TemplateResult {
   const known = !problem.unreachable && problem.slug !== 'unknown' && problem.slug !== 'page';
   return html`<section class="card refusal" role="alert">
     <h2>${icon('warn')} ${problem.title}</h2>
@@ -17,6 +26,7 @@ export function problemCard(problem: Problem, again: (() => void) | null): Templ
         : nothing
     }
     ${again ? html`<button class="plain" @click=${again}>${icon('reset')} Try again</button>` : nothing}
+    ${back}
     <p class="hint">
       ${known ? html`<a href="/problems/${problem.slug}">About this problem</a>` : nothing}
       ${problem.requestId ? html` · request <code>${problem.requestId}</code>` : nothing}

@@ -55,6 +55,8 @@ export type DrawingState = 'ready' | 'lost' | 'unsupported';
 
 export type Told =
   | { readonly told: 'drawn' }
+  /** The first picture of a surface is to be seen. */
+  | { readonly told: 'shown' }
   | { readonly told: 'state'; readonly state: DrawingState }
   /** A picture, in the order they were asked for; null if it could not be made. */
   | { readonly told: 'picture'; readonly blob: Blob | null };

@@ -124,7 +124,14 @@ export class SurfaceMaterial extends ShaderMaterial {
 const LINE = /* glsl */ `
 uniform vec3 ink;
 uniform float opacity;
-void main() { gl_FragColor = vec4(ink, opacity); }`;
+uniform float dense;
+varying vec3 vNormal;
+varying vec3 vView;
+void main() {
+  // towards an outline lines crowd: where they are dense they would draw it broad and black
+  float facing = abs(dot(normalize(vNormal), normalize(vView)));
+  gl_FragColor = vec4(ink, opacity * mix(1.0, facing, dense));
+}`;
 
 /** The lines of the triangles, moving with the surface: it shares the uniform `blend`. */
 export function wireMaterial(surface: SurfaceMaterial): ShaderMaterial {
@@ -139,6 +146,7 @@ export function wireMaterial(surface: SurfaceMaterial): ShaderMaterial {
       nearer: { value: 2e-4 }, // or the lines would be half below the surface they lie in
       ink: { value: new Vector3(0.05, 0.07, 0.09) },
       opacity: { value: 0.34 },
+      dense: { value: 0 },
     },
   });
 }

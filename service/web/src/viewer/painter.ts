@@ -21,6 +21,8 @@ export class Painter {
   private faults: FaultLines | null = null;
   private wanted: Scene | null = null;
   private request = 0;
+  private unseen = false; // there is a surface, and no picture of it was drawn yet
+  private seeing = 0;
   private lost = false;
   private size = '';
 
@@ -88,6 +90,7 @@ export class Painter {
     this.surface.show({ frame, values: null }, { frame, values: null }, 0);
     this.place(bounds);
     this.frame.add(this.surface.mesh, this.surface.wire);
+    this.unseen = true;
   }
 
   private place({ centre, radius }: Bounds): void {
@@ -115,9 +118,28 @@ export class Painter {
       const { eye, target, fieldOfView } = scene.pose;
       const distance = Math.hypot(...eye.map((value, axis) => value - (target[axis] ?? 0)));
       const edge = surface.edge * this.frame.scale.x;
-      paints.opacity = lineOpacity(edge, distance, fieldOfView, scene.size.height);
+      paints.strength = lineOpacity(edge, distance, fieldOfView, scene.size.height);
     }
     renderer.render(this.space, this.camera);
+    if (surface && this.unseen) this.see(renderer.getContext() as WebGL2RenderingContext);
+  }
+
+  /** Tell when the first picture of a surface is there: the graphics card may have to compile for a second before. */
+  private see(card: WebGL2RenderingContext): void {
+    this.unseen = false;
+    cancelAnimationFrame(this.seeing);
+    const drawn = card.fenceSync(card.SYNC_GPU_COMMANDS_COMPLETE, 0);
+    card.flush();
+    const look = (): void => {
+      const known = drawn !== null && !card.isContextLost();
+      if (known && card.getSyncParameter(drawn, card.SYNC_STATUS) !== card.SIGNALED) {
+        this.seeing = requestAnimationFrame(look);
+        return;
+      }
+      card.deleteSync(drawn);
+      this.tell({ told: 'shown' });
+    };
+    this.seeing = requestAnimationFrame(look);
   }
 
   private show(surface: SurfaceMesh, { states }: Scene): void {
@@ -177,6 +199,7 @@ export class Painter {
 
   private close(): void {
     cancelAnimationFrame(this.request);
+    cancelAnimationFrame(this.seeing);
     this.clear();
     this.paints.dispose();
     (this.canvas as EventTarget).removeEventListener('webglcontextlost', this.lose);

@@ -1,5 +1,5 @@
 import { BufferAttribute, BufferGeometry, Mesh, type ShaderMaterial } from 'three';
-import { meanEdge } from '../core/lines';
+import { meanEdge, STRONGEST } from '../core/lines';
 import type { Frame } from '../mesh/types';
 import { SurfaceMaterial, wireMaterial } from './material';
 
@@ -54,10 +54,11 @@ export class Paints {
   readonly clay = new SurfaceMaterial();
   readonly lines: ShaderMaterial = wireMaterial(this.clay);
 
-  /** Of the lines. */
-  set opacity(opacity: number) {
+  /** How strongly lines are drawn. */
+  set strength(opacity: number) {
     const { uniforms } = this.lines;
     if (uniforms.opacity) uniforms.opacity.value = opacity;
+    if (uniforms.dense) uniforms.dense.value = 1 - opacity / STRONGEST;
   }
 
   dispose(): void {

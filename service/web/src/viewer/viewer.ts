@@ -34,8 +34,10 @@ export class Viewer {
   onRest: (view: CameraView) => void = () => undefined;
   /** Told of every movement, for a second viewer to follow. */
   onMove: (view: CameraView) => void = () => undefined;
-  onState: (state: DrawingState) => void = () => undefined;
+  onState: () => void = () => undefined;
   state: DrawingState = 'ready';
+  /** Whether there is something to see: a surface was loaded, and the graphics card has drawn it once. */
+  shown = false;
 
   private readonly canvas = document.createElement('canvas');
   private readonly remote: Remote;
@@ -51,6 +53,7 @@ export class Viewer {
   constructor(label: string) {
     this.element = document.createElement('div');
     this.element.className = 'viewer';
+    this.expect(true);
     this.canvas.tabIndex = 0;
     this.canvas.setAttribute('role', 'img');
     this.describe(label);
@@ -75,6 +78,11 @@ export class Viewer {
       'aria-label',
       `${text}. Drag or use the arrow keys to turn, plus and minus to zoom.`,
     );
+  }
+
+  /** Say whether a picture is to come: until it is there its place is held by a pale ball. */
+  expect(coming: boolean): void {
+    this.element.classList.toggle('expecting', coming && !this.shown);
   }
 
   /** Put another surface in; its first state, which is handed over, is `key` from then on. */
@@ -183,7 +191,12 @@ export class Viewer {
     } else if (told.told === 'state') {
       this.state = told.state;
       if (told.state === 'ready') this.invalidate();
-      this.onState(told.state);
+      if (told.state === 'unsupported') this.expect(false);
+      this.onState();
+    } else if (told.told === 'shown') {
+      this.shown = true;
+      this.expect(false);
+      this.onState();
     }
   };
 

@@ -25,7 +25,10 @@ export interface Context {
 
 /** One page of the page. */
 export interface View {
+  /** What it shows, in a few words; empty until that is known. */
   readonly title: string;
+  /** Whether it draws its heading itself; without one it has its title for a heading, for those who hear the page. */
+  readonly headed?: boolean;
   render(): TemplateResult;
   /** A key that nobody nearer took; returns whether it was taken. */
   key?(event: KeyboardEvent): boolean;

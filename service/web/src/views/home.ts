@@ -16,8 +16,10 @@ export const GALLERY = 'gallery';
 /** The first page: drop a mesh, or look at the shapes of the paper. */
 export class HomeView implements View {
   readonly title = 'Spherify';
+  readonly headed = true;
   private stage: Stage | null = null;
   private gallery: readonly Job[] = [];
+  private looked = false;
   private timer: ReturnType<typeof setTimeout> | undefined;
   private closed = false;
   private building: string | null = null;
@@ -31,14 +33,14 @@ export class HomeView implements View {
     return html`<div class="home">
       <section class="hero">
         <div class="words">
-          <h1>See a mesh become a sphere</h1>
+          <h1 tabindex="-1">See a mesh become a sphere</h1>
           <p class="lead">
             Drop a closed triangle mesh. The curvature transformation rounds it, step by step, and every state
             on the way is yours: to watch, to compare, to download.
           </p>
           ${dropZone(this.context)} ${this.samples()}
         </div>
-        <div class="show">${this.stage ? this.stage.viewer.element : nothing} ${this.caption()}</div>
+        <div class="show">${this.show()} ${this.caption()}</div>
       </section>
       ${this.shapes()}
     </div>`;
@@ -48,6 +50,12 @@ export class HomeView implements View {
     this.closed = true;
     clearTimeout(this.timer);
     this.stage?.close();
+  }
+
+  /** The star of the gallery, or its place as long as there may be one. */
+  private show(): HTMLElement | TemplateResult | typeof nothing {
+    if (this.stage) return this.stage.viewer.element;
+    return this.gallery.length > 0 || !this.looked ? html`<div class="viewer expecting"></div>` : nothing;
   }
 
   private caption(): TemplateResult | typeof nothing {
@@ -167,6 +175,7 @@ export class HomeView implements View {
     } catch {
       this.gallery = []; // the page says elsewhere that nothing answers, and this is tried again
     }
+    this.looked = true;
     if (this.closed) return;
     const star =
       this.gallery.find((job) => job.done && job.name === 'quadruped') ??

@@ -5,7 +5,7 @@ import { bytes, count } from '../core/format';
 import { PLAIN, type Up } from '../core/route';
 import type { Drawable } from '../mesh/tasks';
 import { icon } from '../ui/icons';
-import { problemCard } from '../ui/problem';
+import { problemCard, wayHome } from '../ui/problem';
 import { refusal, reportCard } from '../ui/report';
 import { Viewer } from '../viewer/viewer';
 import type { Context, View } from './context';
@@ -36,6 +36,9 @@ export class MeshView implements View {
     private readonly given: Up | null = null,
     private readonly called: string | null = null,
   ) {
+    this.viewer.onState = () => {
+      this.context.refresh();
+    };
     if (source instanceof File) {
       this.setUp(upOfFile(source.name));
       void this.look(source);
@@ -44,10 +47,12 @@ export class MeshView implements View {
   }
 
   get title(): string {
-    return this.name || 'Mesh';
+    return this.name || (this.problem?.title ?? '');
   }
 
   render(): TemplateResult {
+    if (this.problem && typeof this.source === 'string' && !this.mesh)
+      return html`<div class="middle">${this.failure(this.problem)}</div>`; // there is nothing to see beside it
     return html`<div class="work">
       <div class="stage">
         ${this.viewer.element}
@@ -91,14 +96,18 @@ export class MeshView implements View {
           if (this.source instanceof File) void this.send(this.source, allow);
         })}
         ${this.problem.report ? reportCard(this.name, this.problem.report) : nothing}`;
-      const again = (): void => {
-        if (this.source instanceof File) void this.send(this.source, []);
-        else void this.load(this.source);
-      };
-      return problemCard(this.problem, this.problem.passing ? again : null); // the same file is as bad again
+      return this.failure(this.problem);
     }
     if (!this.mesh) return this.waiting();
     return html`${reportCard(this.name, this.mesh.report)}${this.form?.render() ?? nothing}`;
+  }
+
+  private failure(problem: Problem): TemplateResult {
+    const again = (): void => {
+      if (this.source instanceof File) void this.send(this.source, []);
+      else void this.load(this.source);
+    };
+    return problemCard(problem, problem.passing ? again : null, wayHome()); // the same file is as bad again
   }
 
   private waiting(): TemplateResult {
@@ -125,6 +134,8 @@ export class MeshView implements View {
       return html`<p class="note">
         ${this.problem ? 'No preview of this file.' : 'No preview of this file; the service reads it.'}
       </p>`;
+    if (!shown && !this.problem) return html`<p class="note" role="status">Loading the mesh …</p>`;
+    if (shown && !this.viewer.shown) return html`<p class="note" role="status">Preparing the picture …</p>`;
     if (shown && shown.drawn < shown.all)
       return html`<p class="note">
         Drawn with ${count(shown.drawn)} of ${count(shown.all)} triangles; the run uses all of them.
@@ -145,6 +156,7 @@ export class MeshView implements View {
       await this.mark();
     } catch {
       this.noPreview = true; // the service will say more
+      this.viewer.expect(false);
     }
     this.context.refresh();
   }
@@ -189,6 +201,7 @@ export class MeshView implements View {
       if (!this.isClosed()) this.show(drawable);
     } catch (thrown) {
       this.problem = asProblem(thrown);
+      this.viewer.expect(false);
     }
     this.context.refresh();
   }

@@ -4,7 +4,7 @@ import type { Stage } from './stage';
 
 /** What has to be said about the picture, over the picture. */
 export function stageNotes(stage: Stage): TemplateResult | typeof nothing {
-  const { viewer, run, triangles, drawn, problem } = stage;
+  const { viewer, run, triangles, drawn, problem, wire } = stage;
   if (viewer.state === 'unsupported')
     return html`<p class="note">This browser draws no WebGL: everything works but the picture.</p>`;
   if (viewer.state === 'lost')
@@ -22,9 +22,11 @@ export function stageNotes(stage: Stage): TemplateResult | typeof nothing {
     </p>`;
   if (triangles === 0 && run.state && run.state.states.length > 0)
     return html`<p class="note" role="status">Loading the mesh …</p>`;
+  if (triangles > 0 && !viewer.shown) return html`<p class="note" role="status">Preparing the picture …</p>`;
   if (drawn < triangles)
     return html`<p class="note">
-      Drawn with ${count(drawn)} of ${count(triangles)} triangles; downloads have all of them.
+      Drawn${wire ? ', lines too,' : ''} with ${count(drawn)} of ${count(triangles)} triangles; downloads have
+      all of them.
     </p>`;
   return nothing;
 }

@@ -189,6 +189,7 @@ export class Stage extends Emitter {
   /** Take what is new of the run. */
   private news(): void {
     const newest = this.states.at(-1);
+    if (newest === undefined && this.run.state?.job.done) this.viewer.expect(false); // it failed before its first state
     if (newest !== undefined && this.opened === 'no') void this.open();
     else if (newest !== undefined && this.following && this.opened === 'yes') this.glideTo(newest);
     this.update();
@@ -347,6 +348,7 @@ export class Stage extends Emitter {
   private fail(thrown: unknown): void {
     if (this.closed) return;
     this.problem = asProblem(thrown);
+    if (this.opened !== 'yes') this.viewer.expect(willPass(thrown));
     if (willPass(thrown))
       setTimeout(() => {
         this.news();
