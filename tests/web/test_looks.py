@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+import zlib
 from typing import Any
 
 import pytest
@@ -67,6 +69,29 @@ def test_every_view_is_drawn_and_open_to_all(
         assert not serious(found), f"{name}: {json.dumps(serious(found), indent=1)}"
         overflow = page.evaluate("document.documentElement.scrollWidth - innerWidth")
         assert overflow <= 0, f"{name} is wider than the screen by {overflow}"
+    context.close()
+
+
+def test_on_paper_a_run_is_its_picture_its_figures_and_its_chart(
+    browser: Browser, stack: Stack, run: str
+) -> None:
+    context = browser.new_context(viewport={"width": 1440, "height": 900}, color_scheme="dark")
+    context.set_default_timeout(LIMIT_MS)
+    page = context.new_page()
+    page.goto(f"{stack.url}/?job={run}&it=10&up=z")
+    settled(page)
+    printed = page.pdf()
+    picture = re.search(rb"/Subtype /Image\s*/Width (\d+).*?/Length (\d+).*?stream\r?\n", printed, re.DOTALL)
+    assert picture is not None, "the picture is not printed"
+    assert int(picture[1]) == page.locator(".viewer canvas").evaluate("(canvas) => canvas.width")
+    pixels = zlib.decompress(printed[picture.end() : picture.end() + int(picture[2])])
+    assert len(set(pixels)) > 50, "the picture is printed empty"
+    page.emulate_media(media="print")
+    for name in ("Status", "Chart", "Timeline"):
+        expect(page.get_by_role("region", name=name)).to_be_visible()
+    for hidden in (".rail", ".top", ".corner", "[aria-label=Downloads]", ".timeline .buttons"):
+        expect(page.locator(hidden).first).to_be_hidden()
+    page.screenshot(path=PICTURES / "job-print.png", full_page=True)
     context.close()
 
 

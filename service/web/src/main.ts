@@ -6,6 +6,7 @@ import './styles/parts.css';
 import './styles/lists.css';
 import './styles/rail.css';
 import './styles/stage.css';
+import './styles/print.css';
 import { applyTheme } from './ui/theme';
 
 applyTheme();

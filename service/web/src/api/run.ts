@@ -26,8 +26,20 @@ export class Run extends Emitter {
     readonly id: string,
   ) {
     super();
+    document.addEventListener('visibilitychange', this.look);
     void this.open();
   }
+
+  /** Rest while nobody looks: what is missed comes at once when somebody does again. */
+  private readonly look = (): void => {
+    if (this.closed || this.state?.job.done) return;
+    if (!document.hidden) {
+      void this.open();
+      return;
+    }
+    this.follow?.close();
+    clearTimeout(this.timer);
+  };
 
   /** Begin again after a failure. */
   async open(): Promise<void> {
@@ -36,7 +48,7 @@ export class Run extends Emitter {
       const job = await this.api.job(this.id);
       if (this.isClosed()) return;
       this.state = { job, states: job.snapshots.available, rows: this.state?.rows ?? [] };
-      if (!job.done) this.listen();
+      if (!job.done && !document.hidden) this.listen();
       this.changed();
       await this.series();
     } catch (thrown) {
@@ -49,6 +61,7 @@ export class Run extends Emitter {
 
   close(): void {
     this.closed = true;
+    document.removeEventListener('visibilitychange', this.look);
     this.follow?.close();
     clearTimeout(this.timer);
   }
@@ -95,6 +108,7 @@ export class Run extends Emitter {
     } catch (thrown) {
       if (!asProblem(thrown).passing) return; // deleted: the record tells
     }
-    if (!done && !this.isClosed()) this.timer = setTimeout(() => void this.series(), SERIES_MS);
+    if (!done && !this.isClosed() && !document.hidden)
+      this.timer = setTimeout(() => void this.series(), SERIES_MS);
   }
 }

@@ -37,7 +37,6 @@ export class Thumbnails extends Emitter {
 
   /** Return the address of a picture, or null until there is one; `which` is an iteration or a name. */
   picture(job: string, which: string, up: Up): string | null {
-    if (!drawsInWorkers()) return null;
     const key = `${job} ${which} ${up}`;
     const known = this.pictures.get(key);
     if (known !== undefined) return known;
@@ -85,7 +84,7 @@ export class Thumbnails extends Emitter {
       positions: `/v1/jobs/${job}/snapshots/${which}/positions?dtype=f32`,
     });
     void this.worker.ask('forget', { key: name });
-    this.remote ??= new Remote(new OffscreenCanvas(SIZE, SIZE));
+    this.remote ??= new Remote(drawsInWorkers() ? new OffscreenCanvas(SIZE, SIZE) : square());
     const { index, frame, bounds } = drawable;
     this.remote.send({ ask: 'load', index, key: 'first', frame, bounds }, [
       index.buffer,
@@ -98,6 +97,13 @@ export class Thumbnails extends Emitter {
     if (NEVER_OLD.has(which)) this.shelf.put(key, picture);
     this.changed();
   }
+}
+
+/** A canvas of the page's own, for browsers that draw nowhere else. */
+function square(): HTMLCanvasElement {
+  const canvas = document.createElement('canvas');
+  [canvas.width, canvas.height] = [SIZE, SIZE];
+  return canvas;
 }
 
 /** The picture itself as an address, which outlives the page. */
