@@ -1,4 +1,4 @@
-import { html, type TemplateResult } from 'lit-html';
+import { html, nothing, type TemplateResult } from 'lit-html';
 import { bytes, count } from '../core/format';
 import type { Context } from '../views/context';
 import { icon } from './icons';
@@ -10,8 +10,9 @@ export function dropZone(context: Context): TemplateResult {
     info?.formats.read.map((format) => format.name.toUpperCase()).join(', ') ??
     'OBJ, PLY, STL, OFF, GLB, 3MF';
   const limits = info
-    ? `up to ${bytes(info.limits.max_upload_bytes)} and ${count(info.limits.max_vertices)} vertices`
-    : '';
+    ? html`, up to <span class="keep">${bytes(info.limits.max_upload_bytes)}</span> and
+        <span class="keep">${count(info.limits.max_vertices)} vertices</span>`
+    : nothing;
   return html`<label class="drop">
     <input
       type="file"
@@ -25,8 +26,8 @@ export function dropZone(context: Context): TemplateResult {
       }}
     />
     ${icon('upload')}
-    <span><b>Drop a mesh here</b> or <span class="link">choose files</span></span>
-    <span class="hint">${formats} ${limits}</span>
+    <span><b>Drop a mesh here</b> or <span class="link keep">choose files</span></span>
+    <span class="hint">${formats}${limits}</span>
   </label>`;
 }
 

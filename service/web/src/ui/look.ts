@@ -5,7 +5,7 @@ import { icon } from './icons';
 import { background } from './place';
 
 /** What can be changed about the look of a stage. */
-interface Looks {
+export interface Looks {
   readonly color: Field | null;
   readonly wire: boolean;
   readonly facets: boolean;

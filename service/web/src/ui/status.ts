@@ -71,7 +71,7 @@ function ended(job: Job): TemplateResult {
   const { progress } = job;
   return html`<p>
       ${reason(job) ? html`<b>${capital(reason(job))}</b> · ` : nothing}${count(progress.iteration)}
-      iterations in ${duration(progress.elapsed_s)}
+      iterations in <span class="keep">${duration(progress.elapsed_s)}</span>
     </p>
     ${job.error ? html`<p class="fault">${job.error.detail}</p>` : nothing}
     ${job.stop_detail && !job.error && job.stop_reason !== 'iterations' ? html`<p class="hint">${capital(job.stop_detail)}</p>` : nothing}`;

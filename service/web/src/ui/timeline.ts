@@ -4,15 +4,18 @@ import { count } from '../core/format';
 import type { Player } from '../core/player';
 import { scaleOf, ticks, type Between, type Scale, type ScaleKind } from '../core/scale';
 import { icon } from './icons';
+import { standKeys } from './keys';
 import { at } from './place';
 
 export interface TimelineEvents {
-  seek(iteration: number): void;
-  step(direction: 1 | -1): void;
-  toggle(): void;
-  scale(kind: ScaleKind): void;
+  readonly seek: (iteration: number) => void;
+  readonly step: (direction: 1 | -1) => void;
+  readonly toggle: () => void;
+  readonly scale: (kind: ScaleKind) => void;
 }
 
+/** A slider goes by either pair of arrows. */
+const UPRIGHT: Readonly<Record<string, string>> = { ArrowDown: 'ArrowLeft', ArrowUp: 'ArrowRight' };
 const WIDTH = 1000;
 const HEIGHT = 44;
 
@@ -174,6 +177,7 @@ export class Timeline {
       aria-valuetext=${text}
       @pointerdown=${this.press}
       @pointermove=${this.drag}
+      @keydown=${this.key}
     >
       <svg viewBox="0 0 ${WIDTH} ${HEIGHT}" preserveAspectRatio="none" aria-hidden="true">
         <path class="hill" d=${hill} />
@@ -225,6 +229,16 @@ export class Timeline {
 
   private readonly drag = (event: PointerEvent): void => {
     if (event.buttons & 1) this.go(event);
+  };
+
+  private readonly key = (event: KeyboardEvent): void => {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    const { seek, step, toggle } = this.events;
+    const keys = standKeys({ states: this.states, seek, step, toggle });
+    const act = keys[UPRIGHT[event.key] ?? event.key];
+    if (!act) return;
+    event.preventDefault(); // and so it is not the view's any more
+    act();
   };
 
   /** Go where the pointer is, and exactly to a kept state that is near. */

@@ -3,15 +3,15 @@ import { share } from '../core/format';
 import { figuresAt } from '../core/job';
 import type { Look, Route, Shown } from '../core/route';
 import { icon } from '../ui/icons';
-import { legend, lookBar } from '../ui/look';
-import { problemCard } from '../ui/problem';
+import { lookKeys, standKeys, type Keys } from '../ui/keys';
+import { legend, lookBar, type Looks } from '../ui/look';
+import { problemCard, wayHome } from '../ui/problem';
 import type { Context, View } from './context';
 import { stageNotes } from './notes';
 import { Stage } from './stage';
 
 /** Two states side by side, of one job or of two, seen by one camera. */
 export class CompareView implements View {
-  readonly title = 'Compare';
   private readonly stages: readonly [Stage, Stage];
 
   constructor(
@@ -37,61 +37,91 @@ export class CompareView implements View {
     }
   }
 
+  get title(): string {
+    const names = this.stages.flatMap(({ run }) => run.state?.job.name ?? run.problem?.title ?? []);
+    if (names.length < 2) return '';
+    return `Compare: ${[...new Set(names)].join(' and ')}`;
+  }
+
   render(): TemplateResult {
-    const both = (act: (stage: Stage) => void): void => {
-      this.stages.forEach(act);
-    };
-    const [first] = this.stages;
-    // one bar for both: what it changes, it changes on either side
-    const bar = lookBar({
-      color: first.color,
-      wire: first.wire,
-      facets: first.facets,
-      range: null,
-      viewer: first.viewer,
-      setColor: (color) => {
-        both((stage) => {
-          stage.setColor(color);
-        });
-      },
-      setWire: (wire) => {
-        both((stage) => {
-          stage.setWire(wire);
-        });
-      },
-      setFacets: (facets) => {
-        both((stage) => {
-          stage.setFacets(facets);
-        });
-      },
-      setUp: (up) => {
-        both((stage) => {
-          stage.setUp(up);
-        });
-      },
-    });
     return html`<div class="compare">
-      <div class="corner">${bar}</div>
+      <div class="corner">${lookBar(this.looks)}</div>
       ${this.stages.map((stage, i) => this.pane(stage, i))}
     </div>`;
   }
 
   key(event: KeyboardEvent): boolean {
-    if (event.key !== ' ') return false;
-    const playing = this.stages.some((stage) => stage.player.playing);
-    for (const stage of this.stages) if (stage.player.playing === playing) stage.toggle();
-    return true;
+    const keys: Keys = { ...this.standing(), ...lookKeys(this.looks) };
+    const act = keys[event.key];
+    act?.();
+    return act !== undefined;
   }
 
   close(): void {
     for (const stage of this.stages) stage.close();
   }
 
+  /** One bar for both: what it changes, it changes on either side. */
+  private get looks(): Looks {
+    const [first] = this.stages;
+    return {
+      color: first.color,
+      wire: first.wire,
+      facets: first.facets,
+      range: null,
+      viewer: first.viewer,
+      setColor: (color) => {
+        this.stages.forEach((stage) => {
+          stage.setColor(color);
+        });
+      },
+      setWire: (wire) => {
+        this.stages.forEach((stage) => {
+          stage.setWire(wire);
+        });
+      },
+      setFacets: (facets) => {
+        this.stages.forEach((stage) => {
+          stage.setFacets(facets);
+        });
+      },
+      setUp: (up) => {
+        this.stages.forEach((stage) => {
+          stage.setUp(up);
+        });
+      },
+    };
+  }
+
+  /** Keys for both sides at once; a timeline that has the focus takes its own. */
+  private standing(): Keys {
+    const [left, right] = this.stages;
+    const playing = left.player.playing || right.player.playing;
+    return standKeys({
+      states: [Math.max(left.states.at(-1) ?? 0, right.states.at(-1) ?? 0)], // either goes to its own last one
+      seek: (iteration) => {
+        this.stages.forEach((stage) => {
+          stage.seek(iteration);
+        });
+      },
+      step: (direction) => {
+        this.stages.forEach((stage) => {
+          stage.step(direction);
+        });
+      },
+      toggle: () => {
+        this.stages.forEach((stage) => {
+          if (stage.player.playing === playing) stage.toggle();
+        });
+      },
+    });
+  }
+
   private pane(stage: Stage, index: number): TemplateResult {
     const { run } = stage;
     const row = figuresAt(run.state?.rows ?? [], stage.at);
     if (!run.state && run.problem)
-      return html`<section class="pane middle">${problemCard(run.problem, null)}</section>`;
+      return html`<section class="pane middle">${problemCard(run.problem, null, wayHome())}</section>`;
     return html`<section class="pane" aria-label=${index === 0 ? 'Left' : 'Right'}>
       <header>
         <h2>${run.state?.job.name ?? '…'}</h2>

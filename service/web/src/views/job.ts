@@ -1,7 +1,6 @@
 import { html, nothing, type TemplateResult } from 'lit-html';
 import type { JobRequest } from '../api/client';
 import type { Job } from '../api/types';
-import { FIELDS } from '../core/colormap';
 import { ago } from '../core/format';
 import { formatRoute, type Look, type Route, type Shown } from '../core/route';
 import { curl, python, requestOf } from '../core/snippets';
@@ -9,13 +8,16 @@ import { Chart } from '../ui/chart';
 import { copy } from '../ui/clipboard';
 import { downloads } from '../ui/downloads';
 import { icon, type IconName } from '../ui/icons';
+import { lookKeys, standKeys, type Keys } from '../ui/keys';
 import { legend, lookBar } from '../ui/look';
-import { problemCard } from '../ui/problem';
+import { problemCard, wayHome } from '../ui/problem';
 import { statusCard } from '../ui/status';
 import type { Context, View } from './context';
 import { attempt, cancellable, remove } from './deeds';
 import { stageNotes } from './notes';
 import { Stage } from './stage';
+
+const MOST_OTHERS = 30;
 
 /** A run: the mesh as it changes, its timeline, its figures, and what can be done with it. */
 export class JobView implements View {
@@ -42,14 +44,15 @@ export class JobView implements View {
   }
 
   get title(): string {
-    return this.stage.run.state?.job.name ?? 'Run';
+    const { state, problem } = this.stage.run;
+    return state?.job.name ?? problem?.title ?? '';
   }
 
   render(): TemplateResult {
     const { run } = this.stage;
     if (!run.state && run.problem)
       return html`<div class="middle">
-        ${problemCard(run.problem, run.problem.passing ? () => void run.open() : null)}
+        ${problemCard(run.problem, run.problem.passing ? () => void run.open() : null, wayHome())}
       </div>`;
     return html`<div class="work with-timeline" data-tab=${this.tab}>
       <div class="stage">
@@ -68,22 +71,9 @@ export class JobView implements View {
 
   key(event: KeyboardEvent): boolean {
     const { stage } = this;
-    const keys: Readonly<Record<string, () => void>> = {
-      ' ': () => {
-        stage.toggle();
-      },
-      ArrowLeft: () => {
-        stage.step(-1);
-      },
-      ArrowRight: () => {
-        stage.step(1);
-      },
-      Home: () => {
-        stage.seek(0);
-      },
-      End: () => {
-        stage.seek(stage.states.at(-1) ?? 0);
-      },
+    const keys: Keys = {
+      ...standKeys(stage),
+      ...lookKeys(stage),
       l: () => {
         stage.player.loop = !stage.player.loop;
         stage.setScale(stage.scale.kind);
@@ -98,19 +88,6 @@ export class JobView implements View {
       },
       g: () => {
         stage.setScale(stage.scale.kind === 'log' ? 'linear' : 'log');
-      },
-      w: () => {
-        stage.setWire(!stage.wire);
-      },
-      f: () => {
-        stage.setFacets(!stage.facets);
-      },
-      u: () => {
-        stage.setUp(stage.viewer.camera.up === 'y' ? 'z' : 'y');
-      },
-      c: () => {
-        const next = stage.color === null ? 0 : FIELDS.indexOf(stage.color) + 1;
-        stage.setColor(FIELDS[next] ?? null);
       },
     };
     const act = keys[event.key];
@@ -153,7 +130,7 @@ export class JobView implements View {
       ${downloads(job, stage.state, stage.color, () => void this.picture())}
       <section class="card" aria-label="Share">
         <h2>Share</h2>
-        <div class="actions">
+        <div class="actions pairs">
           ${this.button('link', 'Copy link', () => void this.copied(new URL(formatRoute(this.route), location.href).href, 'Link copied'))}
           ${this.button('copy', 'curl', () => void this.copied(curl(location.origin, this.request(job)), 'Copied as curl'))}
           ${this.button('copy', 'Python', () => void this.copied(python(location.origin, this.request(job)), 'Copied as Python'))}
@@ -227,21 +204,26 @@ export class JobView implements View {
                 open({ job: stage.job, iteration: null });
               })
         }
-        ${
-          others.length > 0
-            ? html`<select
-                aria-label="Compare with another run"
-                @change=${(event: Event) => {
-                  open({ job: (event.target as HTMLSelectElement).value, iteration: null });
-                }}
-              >
-                <option value="">With another run …</option>
-                ${others.slice(0, 30).map((other) => html`<option value=${other.id}>${other.name} · ${other.preset} · ${ago(other.created_at)}</option>`)}
-              </select>`
-            : nothing
-        }
       </div>
+      ${others.length > 0 ? this.another(others.slice(0, MOST_OTHERS), open) : nothing}
     </section>`;
+  }
+
+  /** The other runs, and a button: a list that goes on by itself cannot be gone through by keys. */
+  private another(others: readonly Job[], open: (right: Shown) => void): TemplateResult {
+    return html`<form
+      class="with-button"
+      @submit=${(event: SubmitEvent) => {
+        event.preventDefault();
+        const list = (event.target as HTMLFormElement).elements.namedItem('other') as HTMLSelectElement;
+        open({ job: list.value, iteration: null });
+      }}
+    >
+      <select name="other" aria-label="Another run">
+        ${others.map((other) => html`<option value=${other.id}>${other.name} · ${other.preset} · ${ago(other.created_at)}</option>`)}
+      </select>
+      <button class="plain" type="submit" title="Compare with this run">${icon('compare')} Compare</button>
+    </form>`;
   }
 
   private frame(): string {
