@@ -24,7 +24,7 @@ def test_from_a_file_to_a_shared_link(
     # a shape that the service builds
     page.get_by_role("button", name="Quadruped", exact=True).first.click()
     expect(page).to_have_url(re.compile(r"\?mesh=mesh_\w+&up=z"))
-    expect(page.get_by_role("heading", name="quadruped.ply")).to_be_visible()
+    expect(page.get_by_role("heading", name="quadruped.ply", level=2)).to_be_visible()
     page.get_by_role("link", name="Spherify").click()
 
     # a file: preview, report, form
@@ -58,6 +58,10 @@ def test_from_a_file_to_a_shared_link(
     job = api.job(job_id)
     assert job["progress"]["iteration"] <= 70
     settled(page)
+    heading = page.get_by_role("heading", level=1)
+    expect(heading).to_have_text(job["name"])
+    expect(heading).to_be_focused()
+    expect(page).to_have_title(f"{job['name']} \N{MIDDLE DOT} Spherify")
     states = job["snapshots"]["available"]
     wait_for(lambda: iteration(page) == states[-1], what="the newest state, without a click")
 
@@ -109,6 +113,14 @@ def test_from_a_file_to_a_shared_link(
     with page.expect_download() as download:
         page.get_by_role("button", name="Picture", exact=True).last.click()
     assert Path(download.value.path()).read_bytes().startswith(b"\x89PNG")
+
+    # the run again, as it was asked for: the plan, and not what the service made of it
+    page.get_by_role("button", name="curl").click()
+    again = json.loads(page.evaluate("navigator.clipboard.readText()").split("'")[1])
+    asked = {"mesh_id": mesh["id"], "preset": "robust", "iterations": 70, "snapshots": "log:40"}
+    assert again == asked | {"name": "cat"}
+    planned = api.http.post("/v1/jobs", params={"dry_run": "true"}, json=again).json()
+    assert planned["snapshots"]["requested"] == job["snapshots"]["requested"]
 
     # a link opens the same view
     page.keyboard.press("ArrowLeft")
@@ -176,7 +188,7 @@ def test_a_state_begins_a_new_run(page: Page, stack: Stack, api: Api, run: str) 
     settled(page)
     page.get_by_role("button", name="From here").click()
     expect(page).to_have_url(re.compile(r"\?mesh=mesh_\w+&up=z"))
-    expect(page.get_by_role("heading", name="animal_it00005.ply")).to_be_visible()
+    expect(page.get_by_role("heading", name="animal_it00005.ply", level=2)).to_be_visible()
     mesh = api.http.get(f"/v1/meshes/{page.url.partition('mesh=')[2][:31]}").json()
     metrics = api.http.get(f"/v1/jobs/{run}/metrics").json()
     (row,) = (row for row in metrics["rows"] if row["iteration"] == 5)
@@ -196,10 +208,15 @@ def test_a_run_is_cancelled_fetched_and_deleted_from_the_list(
     page.get_by_label("Only with this tag").fill("listed")
     page.get_by_label("Only with this tag").blur()
     expect(page.locator(".run")).to_have_count(1)
-    page.get_by_role("button", name="Cancel: endless").click()
+    page.get_by_role("button", name="Cancel: endless").focus()
+    page.keyboard.press("Enter")
     expect(page.locator(".run", has_text="Cancelled")).to_be_visible()
-    page.get_by_role("button", name="Delete: endless").click()
+    expect(page.get_by_role("button", name="Cancel: endless")).to_have_count(0)
+    expect(page.locator(".runs :focus")).to_have_count(1)  # what was pressed is gone, and the place is kept
+    page.keyboard.press("End")
+    page.keyboard.press("Enter")
     expect(page.locator(".run")).to_have_count(0)
+    expect(page.get_by_label("Which runs")).to_be_focused()
     assert api.http.get(f"/v1/jobs/{endless}").status_code == 410
 
     brief = api.finished(sent(animal, name="brief", iterations="3"))["id"]

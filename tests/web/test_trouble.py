@@ -63,7 +63,7 @@ def test_the_same_bytes_under_another_name_have_that_name_here(
     again = {"name": "my second.obj", "mimeType": "model/obj", "buffer": animal + b"# once more\n"}
     page.locator("input[type=file]").set_input_files(again)
     expect(page).to_have_url(f"{stack.url}/?mesh={first['id']}&up=y&name=my+second.obj")
-    expect(page.get_by_role("heading", name="my second.obj")).to_be_visible()
+    expect(page.get_by_role("heading", name="my second.obj", level=2)).to_be_visible()
     expect(page.get_by_label("Name", exact=True)).to_have_value("my second")
 
 
@@ -97,6 +97,22 @@ def test_an_address_of_nothing_says_so(page: Page, complaints: Complaints, stack
     complaints.expect(NETWORK)
     page.goto(f"{stack.url}/?job=job_01K5Z9Q8M4T6V2X0Y7R3N1W5BC")
     expect(page.get_by_role("alert")).to_contain_text("job_01K5Z9Q8M4T6V2X0Y7R3N1W5BC")
+    page.goto(f"{stack.url}/?compare=job_01K5Z9Q8M4T6V2X0Y7R3N1W5BC@3,cat")
+    expect(page.get_by_role("alert")).to_contain_text("“cat” is not the id of a run")
+    expect(page).to_have_title(re.compile("leads nowhere"))
+    page.get_by_role("link", name="To the first page").click()
+    expect(page.get_by_role("heading", level=1)).to_be_focused()
+    expect(page).to_have_url(f"{stack.url}/")
+
+
+def test_what_of_an_address_cannot_be_followed_is_named(page: Page, stack: Stack, run: str) -> None:
+    page.goto(f"{stack.url}/?job={run}&it=5&color=pink&k=3")
+    note = page.locator(".banner")
+    expect(note.locator("code")).to_have_text(["color=pink", "k=3"])
+    settled(page)
+    assert iteration(page) == 5
+    page.get_by_role("button", name="Close this note").click()
+    expect(note).to_have_count(0)
 
 
 def test_a_browser_whose_workers_cannot_draw_has_the_same_picture(
@@ -111,6 +127,7 @@ def test_a_browser_whose_workers_cannot_draw_has_the_same_picture(
     plain.goto(address)
     settled(plain)
     assert [one.evaluate("self.name") for one in plain.workers] == ["reading"]
+    expect(plain.locator(".run img").first).to_be_visible()
     canvas, other = (one.locator(".viewer canvas") for one in (page, plain))
     wait_for(lambda: difference(canvas.screenshot(), other.screenshot()) < 1, what="the same picture")
     with plain.expect_download() as download:
@@ -129,6 +146,34 @@ def test_on_a_finer_screen_the_picture_is_finer(page: Page, stack: Stack, run: s
     session.send("Emulation.setDeviceMetricsOverride", screen | {"deviceScaleFactor": 2})
     page.keyboard.press("w")  # the browser tells of a screen, but not of one that is made up
     wait_for(lambda: page.evaluate(width) == 2 * before, what="twice as many pixels")
+
+
+HIDE = """(hidden) => {
+  Object.defineProperty(document, 'hidden', { configurable: true, get: () => hidden });
+  document.dispatchEvent(new Event('visibilitychange'));
+}"""
+
+
+def test_while_nobody_looks_nothing_is_asked_and_then_nothing_was_missed(
+    page: Page, stack: Stack, api: Api, stone: bytes
+) -> None:
+    fields = {"preset": "paper", "iterations": "900000", "snapshots": "every:20000", "name": "unseen"}
+    job = api.http.post("/v1/jobs", files={"file": ("stone.obj", stone)}, data=fields).json()
+    page.add_init_script(
+        "const News = EventSource; EventSource = class extends News { heard = opened.push(this) }"
+    )
+    page.add_init_script("window.opened = []")
+    page.goto(f"{stack.url}/?job={job['id']}")
+    expect(status(page)).to_have_text("Running")
+    settled(page)
+    page.evaluate(HIDE, True)  # a browser without a screen has no tab behind another
+    assert page.evaluate("opened.map((one) => one.readyState)") == [2]
+    api.http.post(f"/v1/jobs/{job['id']}/cancel")
+    ended = api.finished(job["id"])
+    expect(status(page)).to_have_text("Running")
+    page.evaluate(HIDE, False)
+    expect(status(page)).to_have_text("Cancelled")
+    wait_for(lambda: iteration(page) == ended["snapshots"]["available"][-1], what="the newest state")
 
 
 CONTEXTS = """() => {

@@ -3,17 +3,18 @@ import { Catalogue } from './api/catalogue';
 import { Api } from './api/client';
 import { asProblem } from './api/problem';
 import { withNextFrame } from './core/frame';
-import { formatRoute, parseRoute, type Route } from './core/route';
+import { formatRoute, leftOut, parseRoute, type Route } from './core/route';
 import { MeshWorker } from './mesh/pool';
 import { takeDrops } from './ui/dropzone';
 import { icon } from './ui/icons';
 import { nextTheme, theme } from './ui/theme';
 import { Toasts } from './ui/toast';
+import { AstrayView } from './views/astray';
 import type { Context, View } from './views/context';
 import { HomeView } from './views/home';
 import { JobList } from './views/joblist';
 import { LoadingView } from './views/loading';
-import { rail } from './views/rail';
+import { Rail } from './views/rail';
 import { Thumbnails } from './views/thumbnails';
 
 const THEME_ICONS = { auto: 'auto', light: 'sun', dark: 'moon' } as const;
@@ -22,9 +23,16 @@ const THEME_ICONS = { auto: 'auto', light: 'sun', dark: 'moon' } as const;
 export class App {
   private readonly context: Context;
   private readonly toasts: Toasts;
+  private readonly rail: Rail;
   private route: Route = { view: 'home' };
   private view: View;
   private menu = false;
+  /** What the address held that could not be followed. */
+  private leftOut: readonly string[] = [];
+  /** Whether the focus is yet to go to the view that one has come to, or waits in its place for its heading. */
+  private arriving: 'no' | 'yes' | 'waiting' = 'no';
+  /** The name of the view that one has come to, for those who hear the page; null before they have gone anywhere. */
+  private announced: string | null = null;
 
   constructor(private readonly root: HTMLElement) {
     const api = new Api();
@@ -55,7 +63,9 @@ export class App {
       source.onChange(() => {
         this.refresh();
       });
+    this.rail = new Rail(this.context);
     this.route = parseRoute(location.search);
+    this.leftOut = leftOut(location.search);
     this.view = new LoadingView();
     this.open(this.route);
   }
@@ -64,8 +74,10 @@ export class App {
   start(): void {
     addEventListener('popstate', () => {
       this.arrive(parseRoute(location.search));
+      this.leftOut = leftOut(location.search);
     });
     addEventListener('keydown', this.key);
+    this.root.addEventListener('click', this.press);
     takeDrops((files) => {
       this.files(files);
     });
@@ -87,6 +99,9 @@ export class App {
   private arrive(route: Route): void {
     this.route = route;
     this.menu = false;
+    this.leftOut = [];
+    this.arriving = 'yes';
+    this.announced ??= '';
     this.open(route);
   }
 
@@ -96,6 +111,9 @@ export class App {
     this.route = { view: 'home' };
     history.pushState(null, '', '/');
     this.menu = false;
+    this.leftOut = [];
+    this.arriving = 'yes';
+    this.announced ??= '';
     void this.show(async () => {
       if (files.length > 1) {
         const { BatchView } = await import('./views/batch');
@@ -109,10 +127,11 @@ export class App {
   /** The first page is here at once; what draws is fetched when it is wanted, or when there is time. */
   private open(route: Route): void {
     if (route.view === 'home') this.put(new HomeView(this.context));
+    else if (route.view === 'astray') this.put(new AstrayView(route.why));
     else void this.show(() => this.made(route));
   }
 
-  private async made(route: Exclude<Route, { view: 'home' }>): Promise<View> {
+  private async made(route: Exclude<Route, { view: 'home' | 'astray' }>): Promise<View> {
     switch (route.view) {
       case 'mesh': {
         const { MeshView } = await import('./views/mesh');
@@ -150,9 +169,26 @@ export class App {
   }
 
   private readonly refresh = withNextFrame(() => {
-    document.title = this.view.title === 'Spherify' ? 'Spherify' : `${this.view.title} · Spherify`;
-    render(this.page(), this.root);
+    const { title } = this.view;
+    document.title = title === '' || title === 'Spherify' ? 'Spherify' : `${title} · Spherify`;
+    if (this.announced !== null) this.announced = title || this.announced; // as soon as it is known
+    this.rail.keepingFocus(() => {
+      render(this.page(), this.root);
+    });
+    if (this.arriving !== 'no') this.takeFocus();
   });
+
+  /** Bring the focus to the view's heading, or to where it will be, without moving what is seen. */
+  private takeFocus(): void {
+    const main = this.root.querySelector<HTMLElement>('main');
+    const heading = main?.querySelector<HTMLElement>('h1') ?? null;
+    const waited = this.arriving === 'waiting';
+    this.arriving = heading === null ? 'waiting' : 'no';
+    const elsewhere = document.activeElement !== main && document.activeElement !== document.body;
+    if (waited && elsewhere) return; // the visitor went on meanwhile
+    main?.scrollTo(0, 0);
+    (heading ?? main)?.focus({ preventScroll: true });
+  }
 
   private page(): TemplateResult {
     const { jobs } = this.context;
@@ -170,16 +206,7 @@ export class App {
         >
           ${icon('list')}
         </button>
-        <a
-          class="brand"
-          href="/"
-          @click=${(event: MouseEvent) => {
-            if (event.ctrlKey || event.metaKey || event.shiftKey) return;
-            event.preventDefault();
-            this.go({ view: 'home' }, false);
-          }}
-          >${icon('sphere')}<span>Spherify</span></a
-        >
+        <a class="brand" href="/">${icon('sphere')}<span>Spherify</span></a>
         <nav aria-label="Site">
           <a href="/docs">API</a>
           <a href="https://arxiv.org/abs/1608.03898" rel="noreferrer">Paper</a>
@@ -201,14 +228,48 @@ export class App {
           ? html`<div class="banner" role="alert">
               The service does not answer. What you see stays; trying again …
             </div>`
-          : nothing
+          : this.odd()
       }
       <div class="body ${this.menu ? 'menu' : ''}">
-        <nav class="rail" aria-label="Runs">${rail(this.context, this.route)}</nav>
-        <main id="main" tabindex="-1">${this.view.render()}</main>
+        <nav class="rail" aria-label="Runs">${this.rail.render(this.route)}</nav>
+        <main id="main" tabindex="-1">
+          ${this.view.headed === true || this.view instanceof LoadingView ? nothing : html`<h1 class="hidden" tabindex="-1">${this.view.title}</h1>`}
+          ${this.view.render()}
+        </main>
       </div>
+      <p class="hidden" role="status">${this.announced}</p>
       ${this.toasts.render()}`;
   }
+
+  /** Say what of the address was not followed. */
+  private odd(): TemplateResult | typeof nothing {
+    const [first, ...more] = this.leftOut.slice(0, 4);
+    if (first === undefined) return nothing;
+    return html`<div class="banner mild" role="status">
+      <span
+        >Left out, as this page does not understand that part of the address:
+        <code>${first}</code>${more.map((one) => html`, <code>${one}</code>`)}</span
+      >
+      <button
+        class="tool"
+        aria-label="Close this note"
+        @click=${() => {
+          this.leftOut = [];
+          this.refresh();
+        }}
+      >
+        ${icon('cross')}
+      </button>
+    </div>`;
+  }
+
+  /** Follow links to the first page without loading it anew. */
+  private readonly press = (event: MouseEvent): void => {
+    const link = (event.target as HTMLElement).closest('a');
+    if (link?.getAttribute('href') !== '/' || event.ctrlKey || event.metaKey || event.shiftKey) return;
+    event.preventDefault();
+    this.go({ view: 'home' }, false);
+  };
 
   private readonly key = (event: KeyboardEvent): void => {
     if (event.ctrlKey || event.metaKey || event.altKey || event.defaultPrevented) return;

@@ -62,4 +62,10 @@ if (!root) throw new Error('embed.html has no #app');
 root.replaceChildren();
 const route = parseRoute(location.search);
 if (route.view === 'job') open(root, route.shown, route.look);
-else render(html`<p class="note">The address needs a run: <code>/embed?job=job_…</code></p>`, root);
+else
+  render(
+    html`<p class="card" role="alert">
+      ${route.view === 'astray' ? route.why : ''} The address of a frame is <code>/embed?job=job_…</code>
+    </p>`,
+    root,
+  );

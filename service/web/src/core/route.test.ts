@@ -1,5 +1,5 @@
 import { describe, expect, it } from 'vitest';
-import { PLAIN, formatRoute, parseRoute, type Route } from './route';
+import { PLAIN, formatRoute, leftOut, parseRoute, type Route } from './route';
 
 const JOB = 'job_01K5Z9Q8M4T6V2X0Y7R3N1W5BC';
 const OTHER = 'job_01K5Z9Q8M4T6V2X0Y7R3N1W5BD';
@@ -46,10 +46,28 @@ describe('an address', () => {
     );
   });
 
-  it('with nonsense in it leads home, or leaves the nonsense out', () => {
-    expect(parseRoute('?job=<script>')).toEqual({ view: 'home' });
-    expect(parseRoute(`?compare=${JOB}`)).toEqual({ view: 'home' });
-    const odd = parseRoute(`?job=${JOB}&it=-5&color=pink&cam=1,2,3&up=x`);
-    expect(odd).toEqual({ view: 'job', shown: { job: JOB, iteration: null }, look: PLAIN });
+  it.each([
+    ['?job=<script>', '“<script>” is not the id of a run'],
+    ['?job=', 'names no run'],
+    [`?job=${JOB.slice(0, 20)}`, 'job_ and then 26 digits'],
+    [`?mesh=${JOB}`, 'is not the id of a mesh'],
+    [`?compare=${JOB}`, 'needs two runs'],
+    [`?compare=${JOB},${OTHER},${JOB}`, 'needs two runs'],
+    [`?compare=${JOB}@5,cat@5`, '“cat” is not the id of a run'],
+    ['?compare=,', 'names no run'],
+  ])('of nothing says why: %s', (search, why) => {
+    const route = parseRoute(search);
+    expect(route).toMatchObject({ view: 'astray' });
+    expect(route.view === 'astray' && route.why).toContain(why);
+  });
+
+  it('with nonsense in it leaves the nonsense out, and names it', () => {
+    const odd = `?job=${JOB}&it=-5&color=pink&cam=1,2,3&up=x&k=3`;
+    expect(parseRoute(odd)).toEqual({ view: 'job', shown: { job: JOB, iteration: null }, look: PLAIN });
+    expect(leftOut(odd)).toEqual(['it=-5', 'color=pink', 'cam=1,2,3', 'up=x', 'k=3']);
+    expect(leftOut(`?compare=${JOB}@x,${OTHER}`)).toEqual([`compare=${JOB}@x…`]);
+    expect(leftOut(`?jbo=${JOB}`)).toHaveLength(1);
+    expect(leftOut('?utm_source=mail&fbclid=1')).toEqual([]);
+    for (const route of routes) expect(leftOut(formatRoute(route).slice(1))).toEqual([]);
   });
 });

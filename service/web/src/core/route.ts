@@ -31,25 +31,64 @@ export type Route =
   | { readonly view: 'home' }
   | { readonly view: 'mesh'; readonly mesh: string; readonly up: Up | null; readonly name: string | null }
   | { readonly view: 'job'; readonly shown: Shown; readonly look: Look }
-  | { readonly view: 'compare'; readonly left: Shown; readonly right: Shown; readonly look: Look };
+  | { readonly view: 'compare'; readonly left: Shown; readonly right: Shown; readonly look: Look }
+  /** An address of nothing; `why` says in words what is wrong with it. */
+  | { readonly view: 'astray'; readonly why: string };
 
 export const PLAIN: Look = { color: null, wire: false, up: null, camera: null, scale: 'log' };
 const MOST_NAME = 120;
 const JOB = /^job_[0-9A-Z]{26}$/;
 const MESH = /^mesh_[0-9A-Z]{26}$/;
+const MOST_QUOTED = 40;
+const ITERATION = /^\d{1,9}$/;
 
-/** Read an address; what it holds that cannot be is left out. */
+/** Read an address: the view it is of, and beside it whatever it holds that is wrong, see `leftOut`. */
 export function parseRoute(search: string): Route {
   const query = new URLSearchParams(search);
-  const compared = (query.get('compare') ?? '').split(',').map(parseShown);
-  const [left, right] = compared;
-  if (left && right) return { view: 'compare', left, right, look: parseLook(query) };
-  const job = query.get('job') ?? '';
-  if (JOB.test(job))
-    return { view: 'job', shown: { job, iteration: whole(query.get('it')) }, look: parseLook(query) };
-  const mesh = query.get('mesh') ?? '';
-  const name = query.get('name')?.slice(0, MOST_NAME) ?? null;
-  return MESH.test(mesh) ? { view: 'mesh', mesh, up: parseLook(query).up, name } : { view: 'home' };
+  const compare = query.get('compare');
+  if (compare !== null) return parseCompared(compare, parseLook(query));
+  const job = query.get('job');
+  if (job !== null)
+    return JOB.test(job)
+      ? { view: 'job', shown: { job, iteration: whole(query.get('it')) }, look: parseLook(query) }
+      : { view: 'astray', why: noId(job, 'run', 'job_') };
+  const mesh = query.get('mesh');
+  if (mesh === null) return { view: 'home' };
+  if (!MESH.test(mesh)) return { view: 'astray', why: noId(mesh, 'mesh', 'mesh_') };
+  return {
+    view: 'mesh',
+    mesh,
+    up: parseLook(query).up,
+    name: query.get('name')?.slice(0, MOST_NAME) ?? null,
+  };
+}
+
+/**
+ * Return what an address holds beside what it is of and cannot be followed, as it was written: values that cannot be,
+ * and names that this page does not know. What others hang on links to count visitors is none of that.
+ */
+export function leftOut(search: string): readonly string[] {
+  const query = new URLSearchParams(search);
+  const { view } = parseRoute(search);
+  if (view === 'astray') return [];
+  const look = parseLook(query);
+  const taken: Readonly<Record<string, (value: string) => boolean>> = {
+    up: () => look.up !== null,
+    ...(view === 'mesh' ? { mesh: () => true, name: () => true } : {}),
+    ...(view === 'job' ? { job: () => true, it: (value) => ITERATION.test(value) } : {}),
+    ...(view === 'compare' ? { compare: (value) => !value.split(',').some(oddIteration) } : {}),
+    ...(view === 'job' || view === 'compare'
+      ? {
+          color: () => look.color !== null,
+          wire: (value) => value === '0' || value === '1',
+          scale: (value) => value === 'log' || value === 'linear',
+          cam: () => look.camera !== null,
+        }
+      : {}),
+  };
+  return [...query]
+    .filter(([name, value]) => !/^utm_|clid$/.test(name) && taken[name]?.(value) !== true)
+    .map(([name, value]) => quoted(`${name}=${value}`));
 }
 
 /** Write an address, beginning with `/`. */
@@ -71,6 +110,35 @@ export function formatRoute(route: Route, path = '/'): string {
   }
   const text = query.toString().replaceAll('%2C', ',').replaceAll('%40', '@');
   return text === '' ? path : `${path}?${text}`;
+}
+
+function parseCompared(text: string, look: Look): Route {
+  const parts = text.split(',');
+  const [left, right] = parts.map(parseShown);
+  if (parts.length !== 2)
+    return {
+      view: 'astray',
+      why: 'A comparison needs two runs with a comma between them: compare=job_…@0,job_…@50, each with the iteration to show, or without one for the newest.',
+    };
+  if (left && right) return { view: 'compare', left, right, look };
+  const wrong = (left ? parts[1] : parts[0]) ?? '';
+  return { view: 'astray', why: noId(wrong.split('@')[0] ?? '', 'run', 'job_') };
+}
+
+function noId(text: string, of: string, begin: string): string {
+  const id = `${begin} and then 26 digits and capital letters`;
+  return text === ''
+    ? `The address names no ${of}: an id is ${id}.`
+    : `“${quoted(text)}” is not the id of a ${of}: that is ${id}. A part of it may have been lost when the address was copied.`;
+}
+
+function quoted(text: string): string {
+  return text.length > MOST_QUOTED ? `${text.slice(0, MOST_QUOTED)}…` : text;
+}
+
+function oddIteration(part: string): boolean {
+  const [, iteration] = part.split('@');
+  return iteration !== undefined && !ITERATION.test(iteration);
 }
 
 function parseShown(text: string): Shown | null {
@@ -117,5 +185,5 @@ function parseCamera(text: string | null): CameraView | null {
 }
 
 function whole(text: string | null): number | null {
-  return text !== null && /^\d{1,9}$/.test(text) ? Number(text) : null;
+  return text !== null && ITERATION.test(text) ? Number(text) : null;
 }

@@ -23,7 +23,7 @@ interface Entry {
 
 /** Several files: each is sent and judged, and those that are accepted are run with one preset. */
 export class BatchView implements View {
-  readonly title = 'Several meshes';
+  readonly headed = true;
   private readonly entries: readonly Entry[];
   private readonly tag = `batch-${Date.now().toString(36)}`;
   private preset = '';
@@ -42,12 +42,16 @@ export class BatchView implements View {
     for (let one = 0; one < AT_ONCE; one++) void this.send();
   }
 
+  get title(): string {
+    return this.entries.length === 1 ? '1 file' : `${this.entries.length} files`;
+  }
+
   render(): TemplateResult {
     const judged = this.entries.filter((entry) => entry.mesh !== null || entry.problem !== null).length;
     const ready = this.ready;
     const begun = this.entries.some((entry) => entry.job !== null);
     return html`<div class="batch">
-      <h1>${this.entries.length} files</h1>
+      <h1 tabindex="-1">${this.title}</h1>
       <p class="hint" role="status">
         ${judged < this.entries.length ? `${judged} of ${this.entries.length} judged …` : nothing}
         ${begun ? html`The runs carry the tag <code>${this.tag}</code>, by which the list finds them.` : nothing}

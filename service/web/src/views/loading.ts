@@ -5,7 +5,7 @@ import type { View } from './context';
 
 /** What is seen while the code of a view is on its way. */
 export class LoadingView implements View {
-  readonly title = 'Spherify';
+  readonly title = '';
   problem: Problem | null = null;
 
   render(): TemplateResult {

@@ -1,0 +1,60 @@
+"""Without a pointer: where Tab and the arrow keys lead, and where the focus is after a change of view."""
+
+from __future__ import annotations
+
+import re
+
+from playwright.sync_api import Page, expect
+
+from tests.stack import Stack, wait_for
+from tests.web.browser import address, iteration, settled
+
+FOCUSED = "document.activeElement.getAttribute('aria-label') ?? document.activeElement.textContent.trim()"
+
+
+def test_runs_are_reached_opened_and_compared_by_keys_alone(page: Page, stack: Stack, run: str) -> None:
+    page.goto(stack.url)
+    expect(page.locator(".run").first).to_be_visible()
+    heading = page.get_by_role("heading", level=1)
+
+    # the whole list is one stop, and the arrows lead through it
+    page.get_by_label("Only with this tag").focus()
+    page.keyboard.press("Tab")
+    runs = page.get_by_role("grid", name="Runs")
+    expect(runs.locator(":focus")).to_have_count(1)
+    expect(runs.locator("[tabindex='0']")).to_have_count(1)
+    page.keyboard.press("Control+End")
+    assert page.evaluate(FOCUSED).startswith("Delete: ")
+    page.keyboard.press("ArrowLeft")
+    assert page.evaluate(FOCUSED).startswith("Download as PLY: ")
+    page.keyboard.press("Home")
+    expect(runs.get_by_role("row").last.locator(".run")).to_be_focused()
+    page.keyboard.press("Tab")
+    expect(runs.locator(":focus")).to_have_count(0)
+
+    # into a run: its heading has the focus, and its name is said
+    page.goto(f"{stack.url}/?job={run}&it=5&up=z")
+    settled(page)
+    page.get_by_role("button", name="With its beginning").focus()
+    page.keyboard.press("Enter")
+    expect(heading).to_have_text("Compare: animal")
+    expect(heading).to_be_focused()
+    expect(page).to_have_title(re.compile("^Compare: animal"))
+    expect(page.get_by_role("status").filter(has_text="Compare: animal")).to_have_count(1)
+    settled(page)
+
+    # both sides at once, or the one whose timeline has the focus
+    page.keyboard.press("ArrowRight")
+    wait_for(lambda: address(page).count("@10,") == 1 and "@1&" in address(page), what="each one state on")
+    page.get_by_role("slider", name="Iteration").last.focus()
+    page.keyboard.press("End")
+    page.keyboard.press("ArrowDown")
+    wait_for(lambda: "@10," in address(page) and "@1&" not in address(page), what="the right one alone")
+    page.keyboard.press("w")
+    expect(page.get_by_role("button", name="Show triangles")).to_have_attribute("aria-pressed", "true")
+
+    # and back
+    page.go_back()
+    expect(heading).to_have_text("animal")
+    expect(heading).to_be_focused()
+    assert iteration(page) == 5
