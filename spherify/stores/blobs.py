@@ -56,7 +56,7 @@ class FolderBlobStore:
                 raise BlobNotFoundError(f"there is no blob {source}") from e
             with suppress(FileNotFoundError):  # deleted already, and the folder with it
                 _sync(target.parent)
-        return _stat(key, path)
+        return _stat(key, target)  # not the source, which somebody may delete meanwhile
 
     def adopt(self, key: str, path: Path) -> BlobStat:
         """Move a finished file of `scratch` in under a new key; raises as `create` does."""

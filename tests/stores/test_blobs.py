@@ -204,6 +204,20 @@ def test_the_folder_shows_no_half_written_names(tmp_path: Path) -> None:
     assert blobs.read("a/b") == b"halfwhole"
 
 
+def test_a_copy_outlives_its_source_being_deleted_at_the_same_moment(tmp_path: Path) -> None:
+    class Raced(FolderBlobStore):
+        """Somebody deletes the source as soon as it has its second name."""
+
+        def _link(self, path: Path, target: Path, key: str) -> None:
+            super()._link(path, target, key)
+            path.unlink()
+
+    blobs = FolderBlobStore(tmp_path)
+    blobs.create("a/one", b"content")
+    assert Raced(tmp_path).copy("a/one", "b/two") == blobs.stat("b/two")
+    assert blobs.read("b/two") == b"content"
+
+
 def test_a_copy_is_a_blob_of_its_own(blobs: BlobStore) -> None:
     blobs.create("a/one", b"content")
     assert blobs.copy("a/one", "b/two").size == 7
