@@ -28,7 +28,9 @@ EVERY: Final = 4
 SIZES: Final = (50_000, 655_362)
 WATCHED_S: Final = 120.0
 LOOKED_MS: Final = 1500  # that a visitor looks before choosing a file
-SETTLED: Final = "document.querySelector('.viewer:not(.expecting)')?.dataset.drawn === 'yes' && !document.querySelector('.note')"
+SETTLED: Final = """
+document.querySelector('.viewer:not(.expecting)')?.dataset.drawn === 'yes' && !document.querySelector('.note')
+"""
 READ: Final = "Number(document.querySelector('[role=slider]')?.getAttribute('aria-valuenow') ?? -1)"
 WATCH: Final = """
 window.seen = { paint: {}, long: [], states: new Set() };
