@@ -37,7 +37,7 @@ export function downloads(job: Job, state: number, color: Field | null, picture:
       </tbody>
     </table>
     ${color === null ? nothing : html`<p class="hint">PLY, OBJ and GLB come with the colours: ${FIELD_INFO[color].title.toLowerCase()}.</p>`}
-    <div class="actions">
+    <div class="actions bar">
       ${
         'archive' in job.links
           ? html`<a class="plain" href=${job.links.archive} download>${icon('download')} All as ZIP</a>`
