@@ -19,7 +19,7 @@ from spherify.geometry.kernels.passes.jit import inner
 # The first guess of 1/√x: half the exponent, negated. The constant is Lomont's, "Fast inverse square root" (2003),
 # for doubles; the guess is within 3.5 %.
 GUESS = np.int64(0x5FE6EB50C7B537A9)
-TAN_EIGHTH = math.sqrt(2) - 1  # tan(π/8): up to here the polynomial below is good to the last bits
+TAN_EIGHTH = math.sqrt(2) - 1  # tan(π/8)
 HALF_PI = math.pi / 2
 QUARTER_PI = math.pi / 4
 
@@ -68,22 +68,19 @@ def inverse_root(x: float) -> float:
 
 
 @inner
-def angle_over(sine: float, cosine: float, by: float) -> tuple[float, float]:
-    """Return θ = atan2(sine, cosine) and 1/by.
+def is_slight(sine: float, cosine: float) -> bool:
+    """Whether atan2(sine, cosine) lies within ±π/8, so that `slight_angle_over` holds."""
+    return abs(sine) <= TAN_EIGHTH * cosine
 
-    Not a call of atan2 but the same without a branch, so that the loop vectorises: the smaller of |sine| and |cosine|
-    over the larger lies in [0, 1]; above tan(π/8) it is turned by -π/4; in what remains a polynomial of
-    fdlibm (s_atan.c, Sun Microsystems) is good to the last bits, without a further division; signs and octant are
-    put back by selection. The one division serves both results.
+
+@inner
+def slight_angle_over(sine: float, cosine: float, by: float) -> tuple[float, float]:
+    """Return θ = atan2(sine, cosine) and 1/by, where `is_slight`; one division serves both.
+
+    The polynomial of fdlibm (s_atan.c, Sun Microsystems) is good to the last bits up to there.
     """
-    s, c = abs(sine), abs(cosine)
-    larger = s if s > c else c
-    smaller = c if s > c else s
-    turned = smaller > TAN_EIGHTH * larger
-    over = smaller - larger if turned else smaller
-    under = smaller + larger if turned else larger
-    inverse = 1.0 / (under * by)
-    u = over * by * inverse
+    inverse = 1.0 / (cosine * by)
+    u = sine * by * inverse
     q = u * u
     p = fma(1.62858201153657823623e-02, q, -3.65315727442169155270e-02)
     p = fma(p, q, 4.97687799461593236017e-02)
@@ -95,8 +92,25 @@ def angle_over(sine: float, cosine: float, by: float) -> tuple[float, float]:
     p = fma(p, q, 1.42857142725034663711e-01)
     p = fma(p, q, -1.99999999998764832476e-01)
     p = fma(p, q, 3.33333333333329318027e-01)
-    angle = fma(-u, q * p, u)
+    return fma(-u, q * p, u), cosine * inverse
+
+
+@inner
+def angle_over(sine: float, cosine: float, by: float) -> tuple[float, float]:
+    """Return θ = atan2(sine, cosine) and 1/by.
+
+    Not a call of atan2 but the same without a branch, so that the loop vectorises: the smaller of |sine| and |cosine|
+    over the larger lies in [0, 1]; above tan(π/8) it is turned by -π/4, and is slight then; signs and octant are put
+    back by selection.
+    """
+    s, c = abs(sine), abs(cosine)
+    larger = s if s > c else c
+    smaller = c if s > c else s
+    turned = smaller > TAN_EIGHTH * larger
+    over = smaller - larger if turned else smaller
+    under = smaller + larger if turned else larger
+    angle, inverse = slight_angle_over(over, under, by)
     angle = angle + QUARTER_PI if turned else angle
     angle = HALF_PI - angle if s > c else angle
     angle = math.pi - angle if cosine < 0 else angle
-    return math.copysign(angle, sine), under * inverse
+    return math.copysign(angle, sine), inverse

@@ -22,7 +22,12 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from spherify.geometry.kernels.passes.arithmetic import angle_over, inverse_root
+from spherify.geometry.kernels.passes.arithmetic import (
+    angle_over,
+    inverse_root,
+    is_slight,
+    slight_angle_over,
+)
 from spherify.geometry.kernels.passes.jit import inner
 from spherify.geometry.kernels.passes.straight import (
     BLOCK,
@@ -92,7 +97,7 @@ def turn(
         least_over[k], least_under[k] = lower(d, f, mm, least_over[k], least_under[k])
         sx[k], sy[k], sz[k] = longer((sx[k], sy[k], sz[k]), b, scale)
         areas[k] += size_b
-        flat[k] |= is_flat(mm, dd[k], ff)
+        flat[k] |= is_flat(size_b, dd[k], ff)
         ex[k], ey[k], ez[k] = d
         dx[k], dy[k], dz[k] = f
         nx[k], ny[k], nz[k] = b
@@ -100,15 +105,32 @@ def turn(
 
 
 @inner
+def all_slight(sine: Floats, cosine: Floats, at: Lane, count: Lane) -> bool:
+    """Whether the surface bends little over these edges, as nearly everywhere on a fine mesh."""
+    others = np.int64(0)
+    for k in range(Lane(0), count):
+        others |= np.int64(0) if is_slight(sine[at + k], cosine[at + k]) else np.int64(1)
+    return bool(others == 0)
+
+
+@inner
 def bend(
-    sine: Floats, cosine: Floats, both: Floats, length: Floats, K: Floats, by_area: bool, at: Lane, wide: Lane
-) -> None:
-    """Add l·θ of an edge each, over the |N| of its faces if ``by_area``."""
-    for k in range(Lane(0), wide):
-        j = at + k
-        angle, inverse = angle_over(sine[j], cosine[j], both[j])
-        value = length[j] * angle
-        K[k] += value * inverse if by_area else value
+    sine: Floats, cosine: Floats, both: Floats, length: Floats, K: Floats, by_area: bool,
+    at: Lane, count: Lane, wide: Lane,
+) -> None:  # fmt: skip
+    """Add l·θ of an edge each, over the |N| of its faces if ``by_area``; the same bits either way."""
+    if all_slight(sine, cosine, at, count):
+        for k in range(Lane(0), wide):
+            j = at + k
+            angle, inverse = slight_angle_over(sine[j], cosine[j], both[j])
+            value = length[j] * angle
+            K[k] += value * inverse if by_area else value
+    else:
+        for k in range(Lane(0), wide):
+            j = at + k
+            angle, inverse = angle_over(sine[j], cosine[j], both[j])
+            value = length[j] * angle
+            K[k] += value * inverse if by_area else value
 
 
 @inner
@@ -163,7 +185,7 @@ def ring_block(
             low, wide, at, step, degree, bounded,
         )  # fmt: skip
         for j in range(Lane(0), degree):
-            bend(sine, cosine, both, length, sum_K, measure == VTK, j * Lane(BLOCK), wide)
+            bend(sine, cosine, both, length, sum_K, measure == VTK, j * Lane(BLOCK), count, wide)
     else:
         begin(
             ring, x, y, z, ex, ey, ez, dx, dy, dz, dd, nx, ny, nz, size,
@@ -175,7 +197,7 @@ def ring_block(
                 sx, sy, sz, areas, least_over, least_under, flat, sine, cosine, both, length,
                 low, wide, at if j == degree else at + j * step,
             )  # fmt: skip
-            bend(sine, cosine, both, length, sum_K, measure == VTK, Lane(0), wide)
+            bend(sine, cosine, both, length, sum_K, measure == VTK, Lane(0), count, wide)
     scale = (3.0 if measure == VTK else 1.0) / degree
     end(
         sx, sy, sz, sum_K, areas, least_over, least_under, K, px, py, pz, area, altitude,

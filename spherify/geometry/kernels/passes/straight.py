@@ -20,17 +20,16 @@ from spherify.geometry.kernels.passes.vectors import Vector, cross, dot, longer,
 LANES = 8  # numbers in the widest register
 BLOCK = 64  # vertices; the scratch of one block fits the first-level cache
 FEWEST, MOST = 4, 8  # neighbours for which there is code of its own
-FLAT = 1e-12  # square of the sine of an angle below which a corner's normal is lost to rounding
+FLAT = 1e-6  # sine of an angle below which a corner's normal is lost to rounding
 
 Lane: TypeAlias = np.uint64  # for places; what is narrower may wrap around, and what has a sign be negative
 Turned: TypeAlias = tuple[Vector, Vector, float, Vector, float, Vector, float, np.int64, float, float]
 
 
 @inner
-def is_flat(squared: float, dd: float, ff: float) -> np.int64:
-    """Whether a face between two edges, whose squares are dd and ff, has lost its normal to rounding."""
-    widest = dd + ff
-    return np.int64(0) if squared > FLAT * (widest * widest) else np.int64(1)
+def is_flat(size: float, dd: float, ff: float) -> np.int64:
+    """Whether a face of that |N| between two edges, whose squares are dd and ff, has lost its normal to rounding."""
+    return np.int64(0) if size > FLAT * (dd + ff) else np.int64(1)
 
 
 @inner
@@ -81,7 +80,7 @@ def _on(count: int, *, bounded: bool) -> Callable[..., Turned]:
         sine[k], cosine[k], both[k], length[k] = over(e, d, dd, a, size, b, size_b)
         if bounded:
             least, under = lower(d, f, mm, least, under)
-        normal, flat = longer(normal, b, scale), flat | is_flat(mm, dd, ff)
+        normal, flat = longer(normal, b, scale), flat | is_flat(size_b, dd, ff)
         return d, f, ff, b, size_b, normal, area + size_b, flat, least, under
 
     if further is None:
@@ -141,7 +140,7 @@ def _sweep(degree: int, *, bounded: bool) -> Callable[..., None]:
                 least_over[k], least_under[k] = lower(e, d, aa, least, under)
             sx[k], sy[k], sz[k] = longer(normal, a, scale)
             areas[k] = area + size
-            flat[k] = off | is_flat(aa, ll, dd)
+            flat[k] = off | is_flat(size, ll, dd)
 
     return sweep
 
