@@ -201,7 +201,8 @@ class CurvatureParameters(_Shared):
         Field(
             title="Unfolding",
             description="Closed meshes of genus 0: once nearly round, the radii are evened out, and directions are "
-            "drawn to those of their neighbours until no face looks inward; then T goes on. null is off.",
+            "drawn to those of their neighbours until no face looks inward; then T goes on, and in the end directions "
+            "climb to the greatest sphericity. null is off.",
         ),
     ]
 

@@ -12,7 +12,7 @@ and radius r to a tip of exp(-2 l/r) of the area; weights that grow with the are
 They depend on what they bring about, so they are smoothed along the surface and only approached, or they would swing to
 and fro. What limbs then have left may be less than 1e-9 of the mean area: `spread` draws these triangles apart without
 turning any. Equal radii do not make the greatest sphericity of uneven triangles, for the large ones cut off more of the
-ball: so the run does not end here (`spherify.geometry.methods.curvature`).
+ball: so the run does not end here (`spherify.geometry.ascent`).
 """
 
 from __future__ import annotations

@@ -317,7 +317,7 @@ def test_what_is_unfolded_gets_rounder_along_the_radii():
     after = [
         state
         for state in flow(mesh, ROBUST, engine="compiled")
-        if phase(state) in {Phase.SMOOTHING, Phase.RADII}
+        if phase(state) in {Phase.SMOOTHING, Phase.STAR}
     ]
     assert after[-1].stop_reason is not None
     assert after[-1].sphericity > after[0].sphericity + 1e-4

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from spherify.geometry.kernels.passes import rings, selection, shape
+from spherify.geometry.kernels.passes.ascent import Climb
 from spherify.geometry.kernels.passes.types import Buffers, Scratch
 from spherify.geometry.mesh import Floats
 
@@ -54,6 +55,11 @@ def buffers(n: int, n_held: int) -> Buffers:
         counts=np.empty(selection.BINS, dtype=np.int64),
         sample=np.empty(selection.SAMPLE),
     )
+
+
+def climb(n: int, m: int) -> Climb:
+    """Allocate what `spherify.geometry.kernels.passes.ascent.ascend` writes, for n vertices and m faces."""
+    return Climb(np.empty((n, 4)), np.empty((n, 4)), np.empty((n, 4)), np.empty((n, 4)), np.empty(m))
 
 
 def scratch() -> Scratch:

@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spherify.geometry.config import FlowConfig, Stage
-from spherify.geometry.kernels.buffers import Space, buffers, scratch
+from spherify.geometry.kernels.buffers import Space, buffers, climb, scratch
 from spherify.geometry.kernels.numbering import Numbering, Part
 from spherify.geometry.kernels.passes import shape
+from spherify.geometry.kernels.passes.ascent import Climb, ascend
 from spherify.geometry.kernels.passes.fans import walk
 from spherify.geometry.kernels.passes.jit import kept
 from spherify.geometry.kernels.passes.levels import by_levels
@@ -58,6 +59,7 @@ ENTRIES: Final[Sequence[Callable[..., Any]]] = (
     move_radially,
     unfold,
     spread,
+    ascend,
 )
 """All that Python calls."""
 WORTH_SHARING: Final = 20_000  # vertices; below, handing out the parts takes as long as they do
@@ -85,6 +87,7 @@ class CompiledKernel:
         self._parts = self._numbering.parts(self._team.threads)
         self._closed = topology.closed
         self._neighbours: NDArray[np.uint32] | None = None  # made when first needed
+        self._climb: Climb | None = None  # likewise
         self._positions = Positions(self._use.position, self._numbering, self._parts, self._team)
         self._edge_count = len(topology.edges)
         self._single = self._numbering.place[topology.edges[topology.boundary_edges]]
@@ -137,6 +140,16 @@ class CompiledKernel:
         self._positions.load(V)
         inward, least_area = spread(self._use.position, self._mesh.corners, centre, rounds)
         return Unfolded(self._positions.unloaded(), np.zeros(0), inward, least_area)
+
+    def ascend(self, V: Floats, previous: Floats, centre: Floats, momentum: float) -> Floats:
+        """See `spherify.geometry.kernels.interface.Kernel.ascend`."""
+        if self._climb is None:
+            self._climb = climb(len(V), self._mesh.corners.shape[1])
+        self._positions.load(V)
+        for k in range(3):
+            np.take(previous[:, k], self._numbering.order, out=self._climb.moved[:, k], mode="clip")
+        ascend(self._use.position, self._mesh.corners, centre, momentum, self._climb)
+        return self._positions.unloaded()
 
     def shape(self, V: Floats) -> Shape:
         """See `spherify.geometry.kernels.interface.Kernel.shape`."""
@@ -302,3 +315,4 @@ class CompiledEngine:
         kernel.transform_radially(corners, Stage(1, 1, 0), 0.1, centre)
         kernel.unfold(corners, centre, np.zeros(4), exponent=1.0, damping=1.0, rounds=1)
         kernel.spread(corners, centre, 1)
+        kernel.ascend(corners, corners, centre, 0.0)

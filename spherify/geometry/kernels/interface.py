@@ -48,6 +48,10 @@ class Kernel(Protocol):
         """Do what `spherify.geometry.unfolding.spread` does."""
         ...
 
+    def ascend(self, V: Floats, previous: Floats, centre: Floats, momentum: float) -> Floats:
+        """Do what `spherify.geometry.ascent.ascended` does."""
+        ...
+
     def shape(self, V: Floats) -> Shape:
         """Measure the surface as a whole; numbers that are not finite are passed on."""
         ...

@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 
 from spherify.geometry import measures, transformation
+from spherify.geometry.ascent import ascended
 from spherify.geometry.config import FlowConfig, Stage
 from spherify.geometry.curvature import curvature_from
 from spherify.geometry.mesh import Floats
@@ -44,6 +45,10 @@ class ReferenceKernel:
     def spread(self, V: Floats, centre: Floats, rounds: int) -> Unfolded:
         """See `spherify.geometry.kernels.interface.Kernel.spread`."""
         return spread(V, self._topology, centre, rounds)
+
+    def ascend(self, V: Floats, previous: Floats, centre: Floats, momentum: float) -> Floats:
+        """See `spherify.geometry.kernels.interface.Kernel.ascend`."""
+        return ascended(V, self._topology.faces, previous, centre, momentum)
 
     def shape(self, V: Floats) -> Shape:
         """See `spherify.geometry.kernels.interface.Kernel.shape`."""

@@ -1,11 +1,11 @@
 """What a run of the curvature transformation does next: its phases, and the rules that lead from one to another.
 
     NORMALS ──── round enough ───> SPHERE ── all outward, radii equal ──> SMOOTHING
-       └── no rounder ─> FOLDED ─────┘  └── thin, or again ──> RADII          │ folds
-                                     └────────────────────────────────────────┘
+       └── no rounder ─> FOLDED ─────┘  │└─────── folds again ───────────────┘│
+                                        └──── thin, or again ────> STAR <─────┘ no rounder
 
 What covers the sphere otherwise than once has nothing to do there: it goes from FOLDED back to NORMALS. A surface that
-has become round ends in NORMALS, SMOOTHING or RADII; in SPHERE ends only what gets no better there.
+has become round ends in NORMALS, SMOOTHING or STAR; in SPHERE ends only what gets no better there.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ FALL: Final = 0.9  # to this share of the radius variation: something got better
 VANISHING: Final = 3e-6  # triangles of less than this share of the mean area are drawn apart
 SETTLED: Final = 5e-3  # radius variation below which T takes over from the evening out of radii
 WAITED: Final = 50  # iterations, after which it does in any case
-CAREFUL: Final = 0.25  # of the step, that T along the radii begins with: folds leave small triangles
+CAREFUL: Final = 0.1  # of the step, that T along the radii begins with; longer ones make it rough again
 
 
 class Phase(IntEnum):
@@ -36,7 +36,7 @@ class Phase(IntEnum):
     FOLDED = 1  # the same for the last time: nothing got rounder
     SPHERE = 2  # radii are evened out, and directions unfolded
     SMOOTHING = 3  # T along the normals of what looks outward everywhere
-    RADII = 4  # T along the radii
+    STAR = 4  # T along the radii, and directions climb to the greatest sphericity; nothing folds any more
 
 
 class Control(NamedTuple):
@@ -83,6 +83,10 @@ class Control(NamedTuple):
         """Whether there is something to unfold: a face looks inward, or has nearly vanished."""
         return self.inward > 0 or self.least_area < THIN
 
+    def as_star(self, shape: Shape) -> Control:
+        """Return it as STAR begins."""
+        return Control(0.0, CAREFUL, shape.sphericity, 0, Phase.STAR, self.times)
+
     @property
     def spreads(self) -> bool:
         """Whether triangles are to be drawn apart: some have all but vanished."""
@@ -110,7 +114,7 @@ class Control(NamedTuple):
         if unfolded and (shape.radius_variation < SETTLED or waited > WAITED):
             if self.times == 1 and found.least_area >= THIN:
                 return Control(0.0, 1.0, shape.sphericity, 0, Phase.SMOOTHING, self.times)
-            return Control(0.0, CAREFUL, shape.sphericity, 0, Phase.RADII, self.times)
+            return self.as_star(shape)
         return self._replace(
             plateau=plateau,
             waited=waited,

@@ -1,8 +1,9 @@
 """The curvature transformation as a method: T once an iteration, with what is ours between iterations.
 
 T moves along the normals until the surface is nearly round; then the radii are evened out and folds undone, on the
-sphere; then T goes on, along the normals while nothing folds, else along the radii, which can turn no face. The phases
-and the rules between them are `spherify.geometry.methods.control`.
+sphere; then T goes on along the normals, while nothing folds and it gets rounder; and in the end along the radii, while
+directions climb to the greatest sphericity, neither of which turns a face. The phases and the rules between them are
+`spherify.geometry.methods.control`.
 
 Vartziotis, "Curvature transformation", arXiv:1608.03898, section 2. Momentum, annealing and unfolding are ours; the
 momentum is that of Nesterov, with the restarts of O'Donoghue and Candès, "Adaptive restart for accelerated gradient
@@ -16,6 +17,7 @@ from typing import Final
 import numpy as np
 
 from spherify.geometry import measures
+from spherify.geometry.ascent import MOMENTUM
 from spherify.geometry.config import LATE, FlowConfig, Stage
 from spherify.geometry.kernels import Engine, Kernel
 from spherify.geometry.mesh import Floats
@@ -51,6 +53,7 @@ class CurvatureTransformation:
         self._exponent = 0.0 if self._unfolding is None else self._unfolding.exponent
         self._folds: Unfolded | None = None  # of the last iteration, for `remember`
         self._decided: tuple[Progress, Control] | None = None  # what the next iteration of a state is
+        self._centred: tuple[Progress, Floats] | None = None  # the centre of a state
         self._kernel: Kernel = engine.prepare(topology, config)
         self._unit = unit
         self._initial_mean_edge = 0.0
@@ -98,7 +101,7 @@ class CurvatureTransformation:
     def settled(self, progress: Progress) -> bool:
         """See `Method.settled`: not on the sphere, nor while T still raises the sphericity after that."""
         control = Control.of(progress)
-        if control.phase in {Phase.SMOOTHING, Phase.RADII}:
+        if control.phase in {Phase.SMOOTHING, Phase.STAR}:
             return control.waited >= LOOKED_EVERY
         return control.phase == Phase.NORMALS
 
@@ -126,9 +129,12 @@ class CurvatureTransformation:
         self._folds = None
         if control.phase == Phase.SPHERE:
             return self._on_the_sphere(progress, control, stage)
-        if control.phase == Phase.RADII:
-            ahead = _ahead_along_radii(progress, control.momentum)
-            moved = self._kernel.transform_radially(ahead, stage, step, progress.memory["centre"])
+        if control.phase == Phase.STAR:
+            centre = self._centre(progress)
+            ahead = _ahead_along_radii(progress, centre, control.momentum)
+            moved = self._kernel.transform_radially(ahead, stage, step, centre)
+            if moved is not None:
+                moved = self._kernel.ascend(moved, previous, centre, min(control.momentum, MOMENTUM))
         else:
             ahead = here
             if control.momentum > 0:
@@ -142,8 +148,8 @@ class CurvatureTransformation:
         """See `Method.remember`: momentum, annealing and the part on the sphere brought up to date."""
         control, memory = self._control(progress), progress.memory
         weights, centre = memory["log_weights"], shape.centroid
-        if control.phase in {Phase.SPHERE, Phase.RADII}:  # a centre that drifts makes folds
-            centre = shape.centroid + factor * (memory["centre"] - shape.centroid)
+        if control.phase in {Phase.SPHERE, Phase.STAR}:  # a centre that drifts makes folds
+            centre = shape.centroid + factor * (self._centre(progress) - shape.centroid)
         if self._folds is None:
             after = self._annealed(control, progress, shape)
         else:
@@ -166,7 +172,7 @@ class CurvatureTransformation:
             momentum = 0.0
         if reached > plateau + PLATEAU_RISE:
             plateau, waited = reached, 0
-        elif config.annealing is not None and waited >= config.annealing.patience:
+        elif control.phase != Phase.SMOOTHING and config.annealing and waited >= config.annealing.patience:
             annealing, waited = annealing * config.annealing.factor, 0
             over = config.step * annealing < config.annealing.min_step
             if control.phase == Phase.NORMALS and not control.times and self._stuck(shape, over=over):
@@ -188,17 +194,33 @@ class CurvatureTransformation:
         return self._decided[1]
 
     def _decision(self, progress: Progress) -> Control:
-        control, unfolding = Control.of(progress), self._unfolding
-        if unfolding is None or control.phase in {Phase.SPHERE, Phase.RADII}:
-            return control
-        if progress.iteration % LOOKED_EVERY and control.phase != Phase.FOLDED:
+        control, looked = Control.of(progress), progress.iteration % LOOKED_EVERY == 0
+        if self._unfolding is None or control.phase in {Phase.SPHERE, Phase.STAR}:
             return control
         if control.phase == Phase.SMOOTHING:
-            begun = self._begun(progress, control)
-            return begun if begun.folded else control
-        enough = unfolding.sphericity if progress.iteration < LATE else min(unfolding.sphericity, LATE_ENOUGH)
-        if control.phase == Phase.NORMALS and progress.shape.sphericity < enough:
-            return control
+            annealing = self._config.annealing
+            over = annealing is not None and control.waited >= annealing.patience
+            return self._smoothed(progress, control, over=over) if looked or over else control
+        if control.phase == Phase.FOLDED or (looked and self._round_enough(progress)):
+            return self._covered(progress, control)
+        return control
+
+    def _smoothed(self, progress: Progress, control: Control, *, over: bool) -> Control:
+        """Return the control if something may have folded while T went on along the normals, ``over`` or not."""
+        begun = self._begun(progress, control)
+        if begun.folded:
+            return begun
+        return control.as_star(progress.shape) if over else control
+
+    def _round_enough(self, progress: Progress) -> bool:
+        """Whether it is for the part on the sphere to begin, if only the sphere is covered once."""
+        enough = 0.0 if self._unfolding is None else self._unfolding.sphericity
+        return progress.shape.sphericity >= (
+            min(enough, LATE_ENOUGH) if progress.iteration >= LATE else enough
+        )
+
+    def _covered(self, progress: Progress, control: Control) -> Control:
+        """Return the control with which the part on the sphere begins, unless that is covered otherwise than once."""
         degree, turned = covering(self._directions(progress), self._topology.faces)
         if degree == 1 and (turned < TURNED or control.phase == Phase.FOLDED):
             return self._begun(progress, control)
@@ -213,6 +235,17 @@ class CurvatureTransformation:
     def _begun(self, progress: Progress, control: Control) -> Control:
         """Return the control with which a part on the sphere begins."""
         return control.on_the_sphere(*folds(self._directions(progress), self._topology.faces))
+
+    def _centre(self, progress: Progress) -> Floats:
+        """(3,) what directions are seen from: the centroid, as soon as all faces look outward from there as well."""
+        centre: Floats = progress.memory["centre"]
+        if Control.of(progress).phase != Phase.STAR or progress.iteration % LOOKED_EVERY:
+            return centre
+        if self._centred is None or self._centred[0] is not progress:
+            centroid = progress.shape.centroid
+            inward = self._kernel.figures(progress.position, centroid).inward_faces
+            self._centred = progress, centre if inward else centroid
+        return self._centred[1]
 
     def _on_the_sphere(self, progress: Progress, control: Control, stage: Stage) -> Step:
         """Even the radii out; then rounds of unfolding, or of spreading, if need be."""
@@ -232,9 +265,9 @@ class CurvatureTransformation:
         return self._folds.positions
 
 
-def _ahead_along_radii(progress: Progress, momentum: float) -> Floats:
+def _ahead_along_radii(progress: Progress, centre: Floats, momentum: float) -> Floats:
     """Return (n, 3) where the momentum of the radii leads, r + b Δr for a radius r; directions stay."""
-    here, centre = progress.position, progress.memory["centre"]
+    here = progress.position
     if momentum <= 0:
         return here
     spokes = here - centre
