@@ -211,16 +211,3 @@ def folds(U: Floats, F: Ints) -> tuple[int, float]:
     areas = measures.norm(vectors)
     inward = int((measures.dot(vectors, measures.gather(U, F[:, 0])) <= 0).sum())
     return inward, float(areas.min() / areas.mean())
-
-
-def covering(U: Floats, F: Ints) -> tuple[int, float]:
-    """Return how often the triangles of directions U (n, 3) cover the sphere, and the share of it that inward ones do.
-
-    The signed solid angles over 4π: their sum is the degree of the map, and whole; no unfolding can change it. By
-    A. van Oosterom and J. Strackee, "The solid angle of a plane triangle", 1983.
-    """
-    a, b, c = (measures.gather(U, F[:, k]) for k in range(3))
-    volumes = measures.dot(a, np.cross(b, c))
-    angles = 2 * np.arctan2(volumes, 1 + measures.dot(a, b) + measures.dot(b, c) + measures.dot(c, a))
-    whole = 4 * np.pi
-    return round(float(angles.sum()) / whole), float(-angles[angles < 0].sum()) / whole

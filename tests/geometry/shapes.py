@@ -50,6 +50,24 @@ def uneven_sphere(frequency: int, seed: int = 0) -> TriangleMesh:
     return mesh.with_vertices(mesh.vertices / norm(mesh.vertices)[:, None])
 
 
+def drum(around: int, rings: int) -> TriangleMesh:
+    """A flat one: a wall of ``rings`` rows, and two lids that are fans of ``around`` triangles."""
+    angles = 2 * np.pi * np.arange(around) / around
+    heights = np.linspace(-0.3, 0.3, rings + 1)
+    wall = np.concatenate(
+        [np.stack([np.cos(angles), np.sin(angles), np.full(around, z)], axis=1) for z in heights]
+    )
+    V = np.vstack([wall, [[0, 0, -0.3], [0, 0, 0.3]]])
+    here, there = np.arange(around), (np.arange(around) + 1) % around
+    bottom, top, last = len(wall), len(wall) + 1, rings * around
+    faces = [np.stack([there, here, np.full(around, bottom)], axis=1)]
+    for row in range(0, last, around):
+        faces.append(np.stack([row + here, row + there, row + around + there], axis=1))
+        faces.append(np.stack([row + here, row + around + there, row + around + here], axis=1))
+    faces.append(np.stack([last + here, last + there, np.full(around, top)], axis=1))
+    return TriangleMesh.checked(V, np.concatenate(faces))
+
+
 def pinched() -> TriangleMesh:
     """Two icosahedra that share one vertex: closed, every edge with two faces, one pinch vertex."""
     one = icosahedron()

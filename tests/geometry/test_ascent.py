@@ -11,7 +11,6 @@ from spherify.geometry import measures
 from spherify.geometry.ascent import BARRIER, KEPT
 from spherify.geometry.flow import flow
 from spherify.geometry.kernels import ENGINES, get_engine
-from spherify.geometry.mesh import TriangleMesh
 from spherify.geometry.methods.control import Control, Phase
 from spherify.geometry.presets import PRESETS
 from spherify.geometry.quality import inward_faces
@@ -19,7 +18,7 @@ from spherify.geometry.roundness import shape_of
 from spherify.geometry.samples.solids import icosphere
 from spherify.geometry.topology import Topology
 from spherify.geometry.unfolding import folds
-from tests.geometry.shapes import ROUNDING
+from tests.geometry.shapes import ROUNDING, drum
 
 ROBUST = PRESETS["robust"].config
 CENTRE = np.array([0.01, -0.02, 0.005])
@@ -115,24 +114,6 @@ def test_sphericity_rises_and_triangles_keep_apart(engine):
         previous, V = V, climbing.ascend(V, previous, CENTRE, 0.8)
     assert climbing.shape(V).sphericity > before + 1e-3
     assert folds(measures.normalised(V - CENTRE), mesh.faces)[1] > max(2 * least, BARRIER)
-
-
-def drum(around, rings):
-    """A flat one: a wall of ``rings`` rows, and two lids that are fans of ``around`` triangles."""
-    angles = 2 * np.pi * np.arange(around) / around
-    heights = np.linspace(-0.3, 0.3, rings + 1)
-    wall = np.concatenate(
-        [np.stack([np.cos(angles), np.sin(angles), np.full(around, z)], axis=1) for z in heights]
-    )
-    V = np.vstack([wall, [[0, 0, -0.3], [0, 0, 0.3]]])
-    here, there = np.arange(around), (np.arange(around) + 1) % around
-    bottom, top, last = len(wall), len(wall) + 1, rings * around
-    faces = [np.stack([there, here, np.full(around, bottom)], axis=1)]
-    for row in range(0, last, around):
-        faces.append(np.stack([row + here, row + there, row + around + there], axis=1))
-        faces.append(np.stack([row + here, row + around + there, row + around + here], axis=1))
-    faces.append(np.stack([last + here, last + there, np.full(around, top)], axis=1))
-    return TriangleMesh.checked(V, np.concatenate(faces))
 
 
 def test_fans_become_true_spheres():

@@ -10,6 +10,7 @@ import pytest
 from benchmarks.shapes import SHAPES
 from spherify.geometry import measures
 from spherify.geometry.config import LATE, Stage, Unfolding
+from spherify.geometry.covering import covering
 from spherify.geometry.errors import InvalidConfigError
 from spherify.geometry.flow import StopReason, flow
 from spherify.geometry.kernels import ENGINES, get_engine
@@ -21,7 +22,7 @@ from spherify.geometry.quality import inward_faces
 from spherify.geometry.samples.implicit import surface
 from spherify.geometry.samples.solids import icosphere
 from spherify.geometry.topology import Topology
-from spherify.geometry.unfolding import EVENING, covering, evened_out, folds
+from spherify.geometry.unfolding import EVENING, evened_out, folds
 from tests.geometry.shapes import ROUNDING, jittered, sample, torus
 
 ROBUST = PRESETS["robust"].config

@@ -4,8 +4,10 @@
        └── no rounder ─> FOLDED ─────┘  │└─────── folds again ───────────────┘│
                                         └──── thin, or again ────> STAR <─────┘ no rounder
 
-What covers the sphere otherwise than once has nothing to do there: it goes from FOLDED back to NORMALS. A surface that
-has become round ends in NORMALS, SMOOTHING or STAR; in SPHERE ends only what gets no better there.
+Of what gets no rounder, FOLDED takes the roundest state; and another point than the centroid to see directions from, if
+from there they cover the sphere otherwise than once, for nothing on the sphere can change that. Where no such point is
+found, or the covering is lost on the way, it goes back to NORMALS and to the end. A surface that has become round ends
+in NORMALS, SMOOTHING or STAR; in SPHERE ends only what gets no better there.
 """
 
 from __future__ import annotations

@@ -12,13 +12,14 @@ schemes", 2015.
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from spherify.geometry import measures
 from spherify.geometry.ascent import MOMENTUM
 from spherify.geometry.config import LATE, FlowConfig, Stage
+from spherify.geometry.covering import Covering, centre_inside, covering
 from spherify.geometry.kernels import Engine, Kernel
 from spherify.geometry.mesh import Floats
 from spherify.geometry.methods.control import LOOKED_EVERY, PLATEAU_RISE, Control, Phase, grown
@@ -28,7 +29,7 @@ from spherify.geometry.progress import Layout, Memory, Progress
 from spherify.geometry.roundness import Shape
 from spherify.geometry.schedule import stage_at
 from spherify.geometry.topology import Topology
-from spherify.geometry.unfolding import Unfolded, covering, evened_out, folds
+from spherify.geometry.unfolding import Unfolded, evened_out, folds
 
 STANDSTILL: Final = "the curvature is the same at every vertex, so the transformation does not move any"
 ROUND_ENOUGH: Final = (
@@ -38,6 +39,21 @@ LATE_ENOUGH: Final = 0.8  # sphericity from which on it is after LATE iterations
 TURNED: Final = 0.1  # share of the sphere that inward faces may cover; more are no folds but a cavity
 PATIENCES: Final = 4  # of the annealing, that something may take on the sphere to get better
 WEIGHT_DAMPING: Final = 1.2  # over the exponent: share of the way the weights go; more, and they swing
+
+
+class Next(NamedTuple):
+    """What the next iteration begins with.
+
+    Attributes:
+        control: what it does.
+        position: (n, 3) where vertices are.
+        centre: (3,) what directions are seen from.
+
+    """
+
+    control: Control
+    position: Floats
+    centre: Floats
 
 
 class CurvatureTransformation:
@@ -52,8 +68,7 @@ class CurvatureTransformation:
         self._rounds = 0 if self._unfolding is None else self._unfolding.rounds
         self._exponent = 0.0 if self._unfolding is None else self._unfolding.exponent
         self._folds: Unfolded | None = None  # of the last iteration, for `remember`
-        self._decided: tuple[Progress, Control] | None = None  # what the next iteration of a state is
-        self._centred: tuple[Progress, Floats] | None = None  # the centre of a state
+        self._decided: tuple[Progress, Next] | None = None  # what follows a state
         self._kernel: Kernel = engine.prepare(topology, config)
         self._unit = unit
         self._initial_mean_edge = 0.0
@@ -96,7 +111,7 @@ class CurvatureTransformation:
             "initial-mean-edge": self._initial_mean_edge,
             "mean-edge": progress.shape.mean_edge,
         }[self._config.step_unit]
-        return self._config.step * Control.of(progress).annealing * unit
+        return self._config.step * self._next(progress).control.annealing * unit
 
     def settled(self, progress: Progress) -> bool:
         """See `Method.settled`: not on the sphere, nor while T still raises the sphericity after that."""
@@ -124,14 +139,15 @@ class CurvatureTransformation:
 
     def advance(self, progress: Progress) -> Step:
         """See `Method.advance`."""
-        control, here, previous = self._control(progress), progress.position, progress.memory["previous"]
+        control, here, centre = self._next(progress)
+        previous = progress.memory["previous"]
         stage, step = stage_at(self._config.schedule, progress.iteration), self.step(progress)
         self._folds = None
         if control.phase == Phase.SPHERE:
-            return self._on_the_sphere(progress, control, stage)
+            self._folds = self._on_the_sphere(here, centre, control, stage, progress.memory["log_weights"])
+            return self._folds.positions
         if control.phase == Phase.STAR:
-            centre = self._centre(progress)
-            ahead = _ahead_along_radii(progress, centre, control.momentum)
+            ahead = _ahead_along_radii(here, previous, centre, control.momentum)
             moved = self._kernel.transform_radially(ahead, stage, step, centre)
             if moved is not None:
                 moved = self._kernel.ascend(moved, previous, centre, min(control.momentum, MOMENTUM))
@@ -145,19 +161,23 @@ class CurvatureTransformation:
         return Standstill(STANDSTILL) if moved is None else moved
 
     def remember(self, progress: Progress, shape: Shape, factor: float) -> Memory:
-        """See `Method.remember`: momentum, annealing and the part on the sphere brought up to date."""
-        control, memory = self._control(progress), progress.memory
-        weights, centre = memory["log_weights"], shape.centroid
+        """See `Method.remember`: momentum, annealing and the part on the sphere brought up to date.
+
+        On the sphere, which has no momentum, ``previous`` stays what it began with, to go back to.
+        """
+        control, _, before = self._next(progress)
+        weights, centre = progress.memory["log_weights"], shape.centroid
         if control.phase in {Phase.SPHERE, Phase.STAR}:  # a centre that drifts makes folds
-            centre = shape.centroid + factor * (self._centre(progress) - shape.centroid)
+            centre = shape.centroid + factor * (before - shape.centroid)
         if self._folds is None:
             after = self._annealed(control, progress, shape)
         else:
             after = control.evened(shape, self._folds)
             if control.inward:
                 weights = self._folds.log_weights
+        on_the_sphere = control.phase == Control.of(progress).phase == Phase.SPHERE
         return {
-            "previous": progress.position,
+            "previous": progress.memory["previous"] if on_the_sphere else progress.position,
             "control": np.array(after),
             "centre": centre,
             "log_weights": weights,
@@ -187,27 +207,60 @@ class CurvatureTransformation:
             shape.sphericity < self._unfolding.sphericity and shape.radius_variation < ROUND_ENOUGH
         )
 
-    def _control(self, progress: Progress) -> Control:
-        """Return what the next iteration depends on; on the sphere if that begins with it. Decided once a state."""
+    def _next(self, progress: Progress) -> Next:
+        """Return what the next iteration begins with; on the sphere if that begins with it. Decided once a state."""
         if self._decided is None or self._decided[0] is not progress:
             self._decided = progress, self._decision(progress)
         return self._decided[1]
 
-    def _decision(self, progress: Progress) -> Control:
+    def _decision(self, progress: Progress) -> Next:
         control, looked = Control.of(progress), progress.iteration % LOOKED_EVERY == 0
-        if self._unfolding is None or control.phase in {Phase.SPHERE, Phase.STAR}:
-            return control
+        here, centre = progress.position, progress.memory["centre"]
+        if self._unfolding is None:
+            return Next(control, here, centre)
         if control.phase == Phase.SMOOTHING:
             annealing = self._config.annealing
             over = annealing is not None and control.waited >= annealing.patience
-            return self._smoothed(progress, control, over=over) if looked or over else control
-        if control.phase == Phase.FOLDED or (looked and self._round_enough(progress)):
-            return self._covered(progress, control)
-        return control
+            if looked or over:
+                control = self._smoothed(progress, control, over=over)
+        elif control.phase == Phase.FOLDED:
+            return self._from_the_roundest(progress, control)
+        elif control.phase == Phase.NORMALS and looked and self._round_enough(progress):
+            seen = self._covering(here, centre)
+            if seen.degree == 1 and seen.turned < TURNED:
+                control = self._begun(here, centre, control)
+        elif control.phase == Phase.SPHERE and looked and control.inward:
+            if self._covering(here, centre).degree != 1:  # what moves far may pass the centre
+                return self._given_up(control, progress.memory["previous"], centre)
+        elif control.phase == Phase.STAR and looked:
+            inward = self._kernel.figures(here, progress.shape.centroid).inward_faces
+            centre = centre if inward else progress.shape.centroid
+        return Next(control, here, centre)
+
+    def _from_the_roundest(self, progress: Progress, control: Control) -> Next:
+        """Go back to the roundest state, and on to the sphere about a point that it goes around once.
+
+        Of what gets no rounder the last state may be worse, and all directions be turned.
+        """
+        here, centre = progress.best_position, progress.best_shape.centroid
+        if self._covering(here, centre).degree != 1:
+            inside = centre_inside(here, self._topology.faces, centre)
+            if inside is None:
+                return self._given_up(control, progress.position, centre)
+            centre = inside
+            here = _on_a_sphere(here, centre)  # uneven radii about it may enclose less than nothing
+        return Next(self._begun(here, centre, control), here, centre)
+
+    def _given_up(self, control: Control, here: Floats, centre: Floats) -> Next:
+        """Go on along the normals to the end, by the least steps: nothing on the sphere leads further."""
+        annealing = self._config.annealing
+        least = control.annealing if annealing is None else annealing.min_step / self._config.step
+        again = Control(0.0, min(control.annealing, least), np.inf, 0, times=max(control.times, 1.0))
+        return Next(again, here, centre)
 
     def _smoothed(self, progress: Progress, control: Control, *, over: bool) -> Control:
         """Return the control if something may have folded while T went on along the normals, ``over`` or not."""
-        begun = self._begun(progress, control)
+        begun = self._begun(progress.position, progress.shape.centroid, control)
         if begun.folded:
             return begun
         return control.as_star(progress.shape) if over else control
@@ -219,58 +272,43 @@ class CurvatureTransformation:
             min(enough, LATE_ENOUGH) if progress.iteration >= LATE else enough
         )
 
-    def _covered(self, progress: Progress, control: Control) -> Control:
-        """Return the control with which the part on the sphere begins, unless that is covered otherwise than once."""
-        degree, turned = covering(self._directions(progress), self._topology.faces)
-        if degree == 1 and (turned < TURNED or control.phase == Phase.FOLDED):
-            return self._begun(progress, control)
-        return control._replace(
-            phase=Phase.NORMALS, times=max(control.times, float(control.phase == Phase.FOLDED))
-        )
+    def _covering(self, V: Floats, centre: Floats) -> Covering:
+        """Return how the directions of V (n, 3) from the centre cover the sphere."""
+        return covering(measures.normalised(V - centre), self._topology.faces)
 
-    def _directions(self, progress: Progress) -> Floats:
-        """(n, 3) directions of the vertices from the centroid."""
-        return measures.normalised(progress.position - progress.shape.centroid)
+    def _begun(self, V: Floats, centre: Floats, control: Control) -> Control:
+        """Return the control with which a part on the sphere begins, from V (n, 3) and about the centre."""
+        return control.on_the_sphere(*folds(measures.normalised(V - centre), self._topology.faces))
 
-    def _begun(self, progress: Progress, control: Control) -> Control:
-        """Return the control with which a part on the sphere begins."""
-        return control.on_the_sphere(*folds(self._directions(progress), self._topology.faces))
-
-    def _centre(self, progress: Progress) -> Floats:
-        """(3,) what directions are seen from: the centroid, as soon as all faces look outward from there as well."""
-        centre: Floats = progress.memory["centre"]
-        if Control.of(progress).phase != Phase.STAR or progress.iteration % LOOKED_EVERY:
-            return centre
-        if self._centred is None or self._centred[0] is not progress:
-            centroid = progress.shape.centroid
-            inward = self._kernel.figures(progress.position, centroid).inward_faces
-            self._centred = progress, centre if inward else centroid
-        return self._centred[1]
-
-    def _on_the_sphere(self, progress: Progress, control: Control, stage: Stage) -> Step:
+    def _on_the_sphere(
+        self, V: Floats, centre: Floats, control: Control, stage: Stage, log_weights: Floats
+    ) -> Unfolded:
         """Even the radii out; then rounds of unfolding, or of spreading, if need be."""
-        centre, log_weights = progress.memory["centre"], progress.memory["log_weights"]
-        moved = evened_out(progress.position, centre, stage.k_in, stage.k_out)
+        moved = evened_out(V, centre, stage.k_in, stage.k_out)
         if moved is None:  # the radii are equal
-            moved = progress.position.copy()
+            moved = V.copy()
         if control.inward:
             damping = WEIGHT_DAMPING / self._exponent if log_weights.any() else 1.0
-            self._folds = self._kernel.unfold(
+            return self._kernel.unfold(
                 moved, centre, log_weights, exponent=self._exponent, damping=damping, rounds=self._rounds
             )
-        elif control.spreads:
-            self._folds = self._kernel.spread(moved, centre, self._rounds)
-        else:
-            self._folds = Unfolded(moved, log_weights, int(control.inward), control.least_area)
-        return self._folds.positions
+        if control.spreads:
+            return self._kernel.spread(moved, centre, self._rounds)
+        return Unfolded(moved, log_weights, int(control.inward), control.least_area)
 
 
-def _ahead_along_radii(progress: Progress, centre: Floats, momentum: float) -> Floats:
+def _on_a_sphere(V: Floats, centre: Floats) -> Floats:
+    """(n, 3) V in their directions from the centre, all at their mean distance from it."""
+    spokes = V - centre
+    radii = measures.norm(spokes)
+    return np.asfortranarray(centre + (radii.mean() / radii)[:, None] * spokes)
+
+
+def _ahead_along_radii(here: Floats, previous: Floats, centre: Floats, momentum: float) -> Floats:
     """Return (n, 3) where the momentum of the radii leads, r + b Δr for a radius r; directions stay."""
-    here = progress.position
     if momentum <= 0:
         return here
     spokes = here - centre
-    radii, before = measures.norm(spokes), measures.norm(progress.memory["previous"] - centre)
+    radii, before = measures.norm(spokes), measures.norm(previous - centre)
     ahead: Floats = centre + spokes * (1 + momentum * (1 - before / radii))[:, None]
     return ahead

@@ -67,9 +67,9 @@ def ascend(position: Floats, corners: Indices, centre: Floats, momentum: float, 
 
 @inner
 def direct(U: Floats, p: int, x: float, y: float, z: float) -> None:
-    """Write the direction of a vector to U (n, 4), and its length."""
+    """Write the direction of a vector to U (n, 4), 0 if it has none, and its length."""
     length = math.sqrt(x * x + y * y + z * z)
-    share = 1 / length
+    share = 1 / length if length > 0 else 0.0
     U[p, 0], U[p, 1], U[p, 2], U[p, 3] = share * x, share * y, share * z, length
 
 

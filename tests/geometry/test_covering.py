@@ -1,0 +1,125 @@
+"""How often a surface covers the sphere, and what becomes of those that do it otherwise than once."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from spherify.geometry import measures
+from spherify.geometry.covering import centre_inside, covering
+from spherify.geometry.flow import FlowState, StopReason, flow
+from spherify.geometry.mesh import TriangleMesh
+from spherify.geometry.methods.control import Control, Phase
+from spherify.geometry.presets import PRESETS
+from spherify.geometry.samples.solids import icosphere
+from tests.geometry.shapes import drum
+
+ROBUST = PRESETS["robust"].config
+
+
+def wound(turns, around, rings, thickness=0.1):
+    """A tube along a flat spiral, closed at its ends by a vertex each."""
+    along = np.linspace(0, 1, rings + 1)
+    angle, out = 2 * np.pi * turns * along, 0.3 + 0.7 * along
+    line = np.stack([out * np.cos(angle), out * np.sin(angle), 0 * along], axis=1)
+    up = np.array([0.0, 0.0, 1.0])
+    aside = measures.normalised(np.cross(up, np.gradient(line, axis=0)))
+    turn = 2 * np.pi * np.arange(around) / around
+    radius = thickness * np.sqrt(1 - (2 * along - 1) ** 8)
+    ring = np.cos(turn)[:, None, None] * aside + np.sin(turn)[:, None, None] * up
+    tube = (line + radius[:, None] * ring)[:, 1:-1].transpose(1, 0, 2).reshape(-1, 3)
+    here = np.arange(around)
+    there, last = (here + 1) % around, (rings - 2) * around
+    faces = [np.stack([here, there, np.full(around, len(tube))], axis=1)]
+    faces.append(np.stack([last + there, last + here, np.full(around, len(tube) + 1)], axis=1))
+    for row in range(0, last, around):
+        faces.append(np.stack([row + there, row + here, row + around + here], axis=1))
+        faces.append(np.stack([row + there, row + around + here, row + around + there], axis=1))
+    V, F = np.vstack([tube, line[[0, -1]]]), np.concatenate(faces)
+    return TriangleMesh.checked(V, F if measures.volume(V, F, np.zeros(3)) > 0 else F[:, ::-1])
+
+
+def seen_from(point, mesh):
+    return covering(measures.normalised(mesh.vertices - point), mesh.faces)
+
+
+@cache
+def run(turns: float, around: int, rings: int) -> tuple[list[float], FlowState]:
+    """The phases of a run, and its end."""
+    phases = []
+    for state in flow(wound(turns, around, rings), ROBUST, engine="compiled"):
+        phases.append(Control(*state.checkpoint()["control"]).phase)
+    return phases, state
+
+
+def test_a_point_inside_is_found_where_the_centroid_is_outside():
+    for mesh in (wound(0.9, 12, 60), wound(2.2, 12, 120)):
+        centroid = mesh.vertices.mean(axis=0)
+        assert seen_from(centroid, mesh).degree == 0
+        assert seen_from(centre_inside(mesh.vertices, mesh.faces, centroid), mesh).degree == 1
+
+
+def test_nor_has_one_to_be_inside_twice():
+    """Between the outer and the inner of two balls, both of which look outward, is a point within one of them."""
+    ball = icosphere(6)
+    V = np.vstack([ball.vertices, 0.5 * ball.vertices])
+    mesh = TriangleMesh(V, np.vstack([ball.faces, ball.faces + len(ball.vertices)]))
+    near = np.array([0.01, 0.02, 0.03])
+    assert seen_from(near, mesh).degree == 2
+    found = centre_inside(mesh.vertices, mesh.faces, near)
+    assert seen_from(found, mesh).degree == 1
+    assert 0.5 < np.linalg.norm(found) < 1
+
+
+def test_none_is_found_where_there_is_none():
+    ball = icosphere(4)
+    assert centre_inside(ball.vertices, ball.faces[:, ::-1], np.array([0.01, 0.02, 0.03])) is None
+
+
+def test_what_t_winds_around_itself_becomes_a_true_sphere():
+    """About a point that it goes around once: the centroid is inside more often when T gets no further."""
+    phases, last = run(2.0, 16, 150)
+    folded = phases.index(Phase.FOLDED)
+    assert phases[folded + 1] == Phase.SPHERE
+    assert phases[-1] == Phase.STAR
+    areas = measures.face_areas(last.vertices, wound(2.0, 16, 150).faces)
+    assert last.sphericity >= 0.995
+    assert last.metrics().inward_faces == 0
+    assert areas.min() > 1e-6 * areas.mean()
+
+
+def test_what_cannot_be_unwound_ends_as_it_was_and_not_collapsed():
+    """So few triangles that they pass the centre as they are drawn: the sphere is not covered once any more."""
+    phases, last = run(1.5, 10, 80)
+    assert Phase.SPHERE in phases
+    assert phases[-1] == Phase.NORMALS
+    assert last.stop_reason == StopReason.STALLED
+    assert last.sphericity == pytest.approx(0.73, abs=0.05)
+
+
+def test_a_run_goes_back_to_the_state_it_was_roundest_in():
+    """Fans of 110 triangles: T along the normals goes on from the third iteration to turn them over."""
+    *states, last = flow(drum(110, 4), ROBUST, engine="compiled")
+    phases = [Control(*state.checkpoint()["control"]).phase for state in states]
+    folded = phases.index(Phase.FOLDED)
+    assert states[folded].best.iteration < 10
+    assert states[folded].sphericity < 0.8
+    assert states[folded + 1].sphericity > 0.9
+    assert last.sphericity > 0.98
+    assert last.metrics().inward_faces == 0
+
+
+def test_going_back_resumes_bit_by_bit():
+    mesh = drum(110, 4)
+    whole = []
+    for state in flow(mesh, ROBUST, engine="compiled"):
+        whole.append(state)
+        if Control(*state.checkpoint()["control"]).phase == Phase.SMOOTHING:
+            break
+    folded = next(s.iteration for s in whole if Control(*s.checkpoint()["control"]).phase == Phase.FOLDED)
+    for start in range(folded - 1, folded + 3):
+        resumed = flow(mesh, ROBUST, engine="compiled", resume=whole[start].checkpoint())
+        for state, expected in zip(resumed, whole[start + 1 :], strict=False):
+            assert state.vertices.tobytes() == expected.vertices.tobytes()
