@@ -27,6 +27,13 @@ describe('an axis', () => {
     expect(written(0, 0)).toContain('0');
   });
 
+  it('takes values that differ by rounding alone for one', () => {
+    const { ticks, place } = axisOf(1, 1 + Number.EPSILON);
+    expect(ticks.length).toBeGreaterThan(1);
+    expect(ticks.length).toBeLessThan(10);
+    expect(place(1)).toBeCloseTo(0.5);
+  });
+
   it('puts values where they belong', () => {
     const { low, high, place } = axisOf(1, 3);
     expect(place(low)).toBe(0);

@@ -10,16 +10,20 @@ export interface Axis {
 }
 
 const ROOM = 0.06; // above and below, as a share of what lies between
+const SAME = 1e-12; // values that differ by less, as a share of their size, differ by rounding alone
 
 /** Return an axis for values from `least` to `most`, with some `count` round ones to write beside it. */
 export function axisOf(least: number, most: number, count = 4): Axis {
-  const width = most - least || Math.abs(most) || 1;
-  const [low, high] = [least - ROOM * width, most + ROOM * width];
+  const size = Math.max(Math.abs(least), Math.abs(most));
+  const width = most - least > SAME * size ? most - least : 0.1 * size || 1;
+  const [middle, half] = [least + (most - least) / 2, (0.5 + ROOM) * width];
+  const [low, high] = [middle - half, middle + half];
   const rough = (high - low) / count;
   const power = 10 ** Math.floor(Math.log10(rough));
   const step = ([1, 2, 5].find((factor) => factor * power >= rough * 0.75) ?? 10) * power;
   const ticks = [];
-  for (let n = Math.ceil(low / step); n * step <= high; n++) ticks.push(n * step);
+  const [begin, end] = [Math.ceil(low / step), Math.floor(high / step)];
+  for (let n = begin; n <= end; n++) ticks.push(n * step);
   const largest = Math.max(Math.abs(low), Math.abs(high));
   return {
     low,

@@ -68,6 +68,8 @@ describe('an address', () => {
     expect(leftOut(`?compare=${JOB}@x,${OTHER}`)).toEqual([`compare=${JOB}@x…`]);
     expect(leftOut(`?jbo=${JOB}`)).toHaveLength(1);
     expect(leftOut('?utm_source=mail&fbclid=1')).toEqual([]);
+    for (const name of ['__proto__', 'constructor', 'hasOwnProperty', 'toString'])
+      expect(leftOut(`?${name}=up`)).toEqual([`${name}=up`]);
     for (const route of routes) expect(leftOut(formatRoute(route).slice(1))).toEqual([]);
   });
 });

@@ -87,7 +87,10 @@ export function leftOut(search: string): readonly string[] {
       : {}),
   };
   return [...query]
-    .filter(([name, value]) => !/^utm_|clid$/.test(name) && taken[name]?.(value) !== true)
+    .filter(
+      ([name, value]) =>
+        !/^utm_|clid$/.test(name) && !(Object.hasOwn(taken, name) && taken[name]?.(value) === true),
+    )
     .map(([name, value]) => quoted(`${name}=${value}`));
 }
 
