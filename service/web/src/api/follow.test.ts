@@ -1,40 +1,9 @@
 import { afterEach, beforeEach, expect, test, vi } from 'vitest';
 import type { Api } from './client';
 import { Follow, type Connection } from './follow';
+import { unreachable } from './problem';
+import { Stream } from './teststream';
 import type { Job } from './types';
-
-/** An event stream whose connection the test decides on: a browser's own cannot be held at a moment. */
-class Stream {
-  static readonly CONNECTING = 0;
-  static readonly OPEN = 1;
-  static readonly CLOSED = 2;
-  static made: Stream[] = [];
-  readyState = Stream.CONNECTING;
-  onopen: () => void = () => undefined;
-  onerror: () => void = () => undefined;
-
-  constructor(readonly url: string) {
-    Stream.made.push(this);
-  }
-
-  addEventListener(): void {
-    // no event comes in these tests
-  }
-
-  close(): void {
-    this.readyState = Stream.CLOSED;
-  }
-
-  opens(): void {
-    this.readyState = Stream.OPEN;
-    this.onopen();
-  }
-
-  breaks(state: number): void {
-    this.readyState = state;
-    this.onerror();
-  }
-}
 
 const RUNNING = { id: 'job_1', rev: 1, status: 'running', done: false } as unknown as Job;
 
@@ -93,4 +62,28 @@ test('while the stream is broken it is asked for again and again', async () => {
     expect(Stream.made.length).toBe(time + 1);
     Stream.made.at(-1)?.breaks(Stream.CLOSED);
   }
+});
+
+test('what was closed while a question was on its way says nothing more', async () => {
+  const connected = vi.fn();
+  const told = vi.fn();
+  for (const fails of [false, true]) {
+    let answer: () => void = () => undefined;
+    const job = (): Promise<Job> =>
+      new Promise((resolve, reject) => {
+        answer = () => {
+          if (fails) reject(unreachable());
+          else resolve(RUNNING);
+        };
+      });
+    const follow = new Follow({ job } as unknown as Api, 'job_1', told, connected);
+    Stream.made.at(-1)?.breaks(Stream.CONNECTING);
+    await vi.advanceTimersByTimeAsync(1000);
+    follow.close();
+    answer();
+    await vi.advanceTimersByTimeAsync(60_000);
+    expect(vi.getTimerCount()).toBe(0);
+  }
+  expect(connected).not.toHaveBeenCalled();
+  expect(told).not.toHaveBeenCalled();
 });

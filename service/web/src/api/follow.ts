@@ -71,17 +71,17 @@ export class Follow {
     let wait = POLL_MS;
     try {
       const job = await this.api.job(this.id);
-      if (this.live()) return; // the stream came back meanwhile, and tells what was missed
+      if (this.finished() || this.live()) return; // a stream that came back tells what was missed
       this.connected('polling');
       this.take({ kind: job.done ? 'done' : 'status', job });
     } catch (thrown) {
+      if (this.finished() || this.live()) return;
       const problem = asProblem(thrown);
       if (!problem.passing) {
         this.close(); // it was deleted
         this.connected('ended');
         return;
       }
-      if (this.live()) return;
       this.connected('lost');
       wait = problem.waitMs(LOST_POLL_MS);
     }
@@ -94,6 +94,6 @@ export class Follow {
   }
 
   private finished(): boolean {
-    return this.over; // `take` may have closed it meanwhile
+    return this.over; // it may have been closed meanwhile
   }
 }

@@ -43,19 +43,21 @@ export class Run extends Emitter {
 
   /** Begin again after a failure. */
   async open(): Promise<void> {
+    clearTimeout(this.timer);
     this.problem = null;
     try {
       const job = await this.api.job(this.id);
       if (this.isClosed()) return;
       this.state = { job, states: job.snapshots.available, rows: this.state?.rows ?? [] };
-      if (!job.done && !document.hidden) this.listen();
+      if (job.done)
+        this.connection = 'ended'; // it may have ended while nobody listened
+      else if (!document.hidden) this.listen();
       this.changed();
       await this.series();
     } catch (thrown) {
       this.problem = asProblem(thrown);
       this.changed();
-      if (this.problem.passing && !this.isClosed())
-        this.timer = setTimeout(() => void this.open(), this.problem.waitMs(AGAIN_MS));
+      if (this.problem.passing) this.later(() => this.open(), this.problem.waitMs(AGAIN_MS));
     }
   }
 
@@ -108,7 +110,13 @@ export class Run extends Emitter {
     } catch (thrown) {
       if (!asProblem(thrown).passing) return; // deleted: the record tells
     }
-    if (!done && !this.isClosed() && !document.hidden)
-      this.timer = setTimeout(() => void this.series(), SERIES_MS);
+    if (!done) this.later(() => this.series(), SERIES_MS);
+  }
+
+  /** Do something in a while, and that alone, unless nobody looks by now: `look` begins again. */
+  private later(act: () => Promise<void>, wait: number): void {
+    clearTimeout(this.timer);
+    if (this.isClosed() || document.hidden) return;
+    this.timer = setTimeout(() => void act(), wait);
   }
 }
