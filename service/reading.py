@@ -1,8 +1,8 @@
 """Reading jobs for all who ask at the same moment: whoever comes while the store is read waits for the next time.
 
 The next reading begins after they have asked: nobody is shown a job older than what was answered to anybody before.
-However many ask, the store is asked once at a time, in one thread, and for so many jobs at most: where more are asked
-for than are kept in memory, and each has to be read whole, no more of them are held than that.
+The store is asked once at a time, in one thread, for at most `MOST` jobs, so that what is held does not grow with the
+number of different jobs that are asked for.
 """
 
 from __future__ import annotations

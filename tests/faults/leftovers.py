@@ -30,9 +30,10 @@ def usage(pid: int) -> Usage:
     return Usage(pages * os.sysconf("SC_PAGE_SIZE"), len(list(Path(f"/proc/{pid}/fd").iterdir())))
 
 
-def assert_nothing_left(stack: Stack, job_ids: set[str]) -> None:
+def assert_nothing_left(stack: Stack, job_ids: set[str], *, kills: int) -> None:
     """Check that nothing is kept but what these jobs, all of them done, have a right to.
 
+    Each of the kills may have struck one process in the middle of a file, which is swept after a day.
     Messages that killed workers held come back after the visibility timeout of the queue, and are dropped.
     """
     client, blobs = stack.stores.client, stack.stores.blobs
@@ -57,8 +58,8 @@ def assert_nothing_left(stack: Stack, job_ids: set[str]) -> None:
         mine = {stat.key for stat in blobs.list(layout.job_folder(job_id))}
         named = {layout.spec(job_id), layout.result(job_id), *(s.key for s in job.snapshots)}
         assert (mine - named, named - mine) == (set(), set())
-    struck = list(blobs.scratch().iterdir())  # of who was killed while writing; swept after a day
-    assert len(struck) <= 5, struck
+    struck = list(blobs.scratch().iterdir())
+    assert len(struck) <= kills, struck
 
 
 def _kind(key: str, job_ids: set[str]) -> str:
