@@ -103,8 +103,10 @@ def _planned(
 def _intact_snapshot(blobs: BlobStore, iteration: int, stats: list[BlobStat], run: bytes) -> Snapshot | None:
     for stat in _newest_first(stats):
         loaded = _load(blobs, stat)
-        if loaded is not None and run_of(loaded[1]) == run:
-            row = next(r for r in rows_to_list(loaded[1][ROWS]) if r["iteration"] == iteration)
+        if loaded is None or ROWS not in loaded[1] or run_of(loaded[1]) != run:
+            continue
+        row = next((r for r in rows_to_list(loaded[1][ROWS]) if r["iteration"] == iteration), None)
+        if row is not None:
             return snapshot_record(iteration, stat, loaded[0], row)
     return None
 

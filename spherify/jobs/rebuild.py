@@ -25,7 +25,7 @@ from typing import Final
 from spherify.jobs import layout
 from spherify.jobs.accounts import read_account
 from spherify.jobs.codec import load_mesh_record, load_request, load_spec
-from spherify.jobs.errors import BlobNotFoundError, JobsError, StoreUnavailableError
+from spherify.jobs.errors import BlobNotFoundError, JobsError, StorageFullError, StoreUnavailableError
 from spherify.jobs.ids import is_job_id, time_of
 from spherify.jobs.model import Job, JobSpec
 from spherify.jobs.ports import BlobStore, JobQueue, JobStore, MeshStore
@@ -140,7 +140,12 @@ def restore_job(stock: Stock, job_id: str) -> bool:
     restored = stock.jobs.restore(job, (), spent_s=known.spent_s)
     if restored and blobs.stat(layout.cancel(job_id)) is not None:
         stock.jobs.request_cancel(job_id)
-        settle(stock.jobs, blobs, job_id)
+        try:
+            settle(stock.jobs, blobs, job_id)
+        except StorageFullError as e:
+            log.warning(
+                "restored, and not settled: %s; the reconciler will", e, extra=named(job_id, "rebuild")
+            )
     elif restored:
         stock.queue.send(job_id)
     return restored

@@ -135,7 +135,7 @@ def _parsed(text: bytes) -> Result:
             attempt=data.get("attempt", 0),
             losses=data.get("losses", 0),
         )
-    except (ValueError, LookupError, TypeError, AttributeError) as e:
+    except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as e:
         raise DamagedBlobError(f"it has another form: {e!r}") from e
 
 

@@ -31,7 +31,7 @@ def settle(jobs: JobStore, blobs: BlobStore, job_id: str) -> None:
                 result = write_result(blobs, _result_of(job, jobs.metrics(job_id)))
             remove_folder(blobs, layout.checkpoints(job_id))
             remove_folder(blobs, layout.attempts(job_id))
-            if job.attempt > 1 or job.status is not JobStatus.SUCCESSFUL:
+            if job.token > 1 or job.status is not JobStatus.SUCCESSFUL:
                 _remove_unnamed(blobs, job, result)
             settled = jobs.settled(job_id, deleted=False)
         except JobGoneError:

@@ -51,12 +51,15 @@ class FolderBlobStore:
         path, target = self._path(source), self._path(key)
         with naming_full(key):
             try:
+                stat = _stat(
+                    key, path
+                )  # before the link: either of them may be deleted as soon as there are two
                 self._link(path, target, key)
             except FileNotFoundError as e:
                 raise BlobNotFoundError(f"there is no blob {source}") from e
             with suppress(FileNotFoundError):  # deleted already, and the folder with it
                 _sync(target.parent)
-        return _stat(key, target)  # not the source, which somebody may delete meanwhile
+        return stat
 
     def adopt(self, key: str, path: Path) -> BlobStat:
         """Move a finished file of `scratch` in under a new key; raises as `create` does."""

@@ -11,6 +11,7 @@ from pathlib import Path
 import httpx
 import pytest
 
+from spherify.jobs import layout
 from tests.faults.campaign import SHORT, campaign, say
 from tests.faults.http_chaos import HttpChaos, now_and_then
 from tests.faults.ledger import Ledger, Verdict, judge
@@ -113,8 +114,10 @@ def test_a_store_that_fails_now_and_then_and_dies(
             proxy.plan = lambda _method, _path: None
             assert judge(one.ledger, one.logs) == Verdict()  # in peace: 503 is an answer, too, while it fails
             blobs = one.stack.stores.blobs
-            results = [stat.key for stat in blobs.list("jobs") if stat.key.endswith("/result.json")]
+            files = [stat.key for stat in blobs.list("jobs")]
+            results = [key for key in files if key.endswith("/result.json")]
             assert len(results) == JOBS
+            assert [key for key in files if key == layout.result_again(key.split("/")[1])] == []
             tokens = {key.split("/")[1]: json.loads(blobs.read(key))["token"] for key in results}
             assert tokens.keys() == one.ledger.acknowledged.keys()
             say(

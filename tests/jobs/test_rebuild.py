@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,19 +22,21 @@ from spherify.jobs.errors import (
     JobNotFoundError,
     KeyReusedError,
     MeshNotFoundError,
+    StorageFullError,
     StoreUnavailableError,
 )
 from spherify.jobs.ids import new_job_id
 from spherify.jobs.inventory import Inventory
 from spherify.jobs.model import JobError, JobSpec, JobStatus, Outcome, Progress, RequestKey, Snapshot
-from spherify.jobs.ports import CancelOutcome
-from spherify.jobs.rebuild import Stock, rebuild
+from spherify.jobs.ports import BlobStat, CancelOutcome
+from spherify.jobs.rebuild import Stock, rebuild, restore_job
 from spherify.jobs.repeats import KEPT_S, Beginning
 from spherify.jobs.results import Result, write_result
 from spherify.jobs.settle import settle
 from spherify.jobs.submit import submit
 from spherify.settings import Settings
 from spherify.stores import keys
+from spherify.stores.blobs import FolderBlobStore
 from spherify.stores.connect import open_stores
 from spherify.stores.embedded import EmbeddedServer
 from tests.jobs.examples import MESH_ID, job_spec, mesh_record
@@ -225,6 +227,22 @@ def test_a_cancel_that_was_acknowledged_outlives_the_record(stock: Stock, lose: 
         assert (job.status, job.stop_reason) == (JobStatus.CANCELLED, "cancelled")
         assert stock.blobs.stat(layout.result(spec.id)) is not None
     assert stock.queue.pending() == []
+
+
+def test_a_cancelled_job_comes_back_where_its_end_finds_no_space(
+    stock: Stock, lose: Callable[[], object], tmp_path: Path
+) -> None:
+    class Full(FolderBlobStore):
+        def create(self, key: str, chunks: bytes | Iterable[bytes]) -> BlobStat:
+            raise StorageFullError(f"there is no space left to store {key}")
+
+    spec = submitted(stock)
+    stock.jobs.claim(spec.id, "w")
+    cancel(stock.jobs, stock.blobs, spec.id)
+    lose()
+    assert restore_job(replace(stock, blobs=Full(tmp_path / "blobs")), spec.id)
+    assert stock.jobs.get(spec.id).status is JobStatus.CANCELLED
+    assert stock.jobs.unsettled() == [spec.id], "the reconciler writes its end"
 
 
 def test_until_everything_is_back_nothing_is_said_to_be_missing(

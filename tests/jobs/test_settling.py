@@ -119,7 +119,9 @@ def test_a_worker_that_died_after_its_commit_leaves_no_checkpoints(world: World)
     assert read_result(world.blobs, spec.id) == result
 
 
-@pytest.mark.parametrize("damaged", [b"", b"{", b"[1]", b"7", b'{"outcome": "\xff"}', b'{"job_id": "a"}'])
+@pytest.mark.parametrize(
+    "damaged", [b"", b"{", b"[1]", b"7", b'{"outcome": "\xff"}', b'{"job_id": "a"}', b"[" * 100_000]
+)
 def test_a_damaged_result_is_judged_once_and_written_anew_from_the_record(
     world: World, caplog: pytest.LogCaptureFixture, damaged: bytes
 ) -> None:

@@ -5,6 +5,7 @@ import random
 import resource
 import threading
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -204,18 +205,22 @@ def test_the_folder_shows_no_half_written_names(tmp_path: Path) -> None:
     assert blobs.read("a/b") == b"halfwhole"
 
 
-def test_a_copy_outlives_its_source_being_deleted_at_the_same_moment(tmp_path: Path) -> None:
+@pytest.mark.parametrize("deleted", ["a/one", "b/two"])
+def test_a_copy_may_lose_either_of_its_names_at_the_same_moment(tmp_path: Path, deleted: str) -> None:
     class Raced(FolderBlobStore):
-        """Somebody deletes the source as soon as it has its second name."""
+        """Somebody deletes one of the two as soon as there are two."""
 
         def _link(self, path: Path, target: Path, key: str) -> None:
             super()._link(path, target, key)
-            path.unlink()
+            self.delete(deleted)
 
     blobs = FolderBlobStore(tmp_path)
     blobs.create("a/one", b"content")
-    assert Raced(tmp_path).copy("a/one", "b/two") == blobs.stat("b/two")
-    assert blobs.read("b/two") == b"content"
+    copied = Raced(tmp_path).copy("a/one", "b/two")
+    (left,) = blobs.list("")
+    assert left.key != deleted
+    assert blobs.read(left.key) == b"content"
+    assert copied == replace(left, key="b/two")
 
 
 def test_a_copy_is_a_blob_of_its_own(blobs: BlobStore) -> None:

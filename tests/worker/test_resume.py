@@ -7,6 +7,7 @@ import pytest
 
 from spherify.geometry.schedule import SnapshotPlan
 from spherify.jobs import layout
+from spherify.jobs.rows import ROWS
 from spherify.jobs.run import Kept, Stop, run
 from spherify.parameters import resolve
 from spherify.stores.arrays import dump_arrays, load_arrays
@@ -87,6 +88,18 @@ def test_where_the_newest_checkpoint_is_damaged_the_one_before_is_taken(blobs: F
 @pytest.mark.parametrize("how", ["flipped", "cut off"])
 def test_a_damaged_snapshot_is_computed_again(blobs: FolderBlobStore, how: str) -> None:
     damage(blobs, layout.numbered(layout.snapshots(JOB), 1, 10), how)
+    assert iterations(blobs) == (0, [0])
+
+
+@pytest.mark.parametrize("rows", [None, 2], ids=["without rows", "without its own row"])
+def test_a_snapshot_of_another_form_is_computed_again(blobs: FolderBlobStore, rows: int | None) -> None:
+    path = blobs.root / layout.numbered(layout.snapshots(JOB), 1, 10)
+    arrays = dict(load_arrays(path.read_bytes()))
+    if rows is None:
+        del arrays[ROWS]
+    else:
+        arrays[ROWS] = arrays[ROWS][:rows]
+    path.write_bytes(dump_arrays(arrays))
     assert iterations(blobs) == (0, [0])
 
 
