@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import re
 
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, expect
 
+from tests.e2e.api import Api
 from tests.stack import Stack, wait_for
 from tests.web.browser import address, iteration, settled
 
@@ -58,3 +59,48 @@ def test_runs_are_reached_opened_and_compared_by_keys_alone(page: Page, stack: S
     expect(heading).to_have_text("animal")
     expect(heading).to_be_focused()
     assert iteration(page) == 5
+
+
+def test_a_file_that_has_arrived_leaves_the_focus_where_the_visitor_types(
+    page: Page, stack: Stack, animal: bytes
+) -> None:
+    held: list[Route] = []
+
+    def hold(route: Route) -> None:
+        held.append(route)
+
+    page.route(re.compile("/v1/meshes[?]"), hold)
+    page.goto(stack.url)
+    with page.expect_request(re.compile("/v1/meshes[?]")):
+        page.locator("input[type=file]").set_input_files(
+            {"name": "cat.obj", "mimeType": "model/obj", "buffer": animal}
+        )
+    expect(page.get_by_role("heading", level=1)).to_be_focused()
+    tag = page.get_by_label("Only with this tag")
+    tag.focus()
+    page.keyboard.type("sm")
+    held[0].continue_()
+    expect(page).to_have_url(re.compile("[?]mesh=mesh_"))
+    expect(page.locator(".report .good")).to_have_count(3)
+    page.keyboard.type("all")
+    expect(tag).to_have_value("small")
+
+
+def test_the_run_that_is_chosen_to_compare_with_stays_chosen_when_another_is_new(
+    page: Page, stack: Stack, api: Api, run: str, animal: bytes
+) -> None:
+    def finished(name: str) -> str:
+        fields = {"name": name, "preset": "paper", "iterations": "1", "tags": "compared"}
+        answer = api.http.post("/v1/jobs", files={"file": ("a.obj", animal)}, data=fields)
+        return str(api.finished(answer.json()["id"])["id"])
+
+    chosen = finished("chosen")
+    page.goto(f"{stack.url}/?job={run}")
+    page.get_by_label("Only with this tag").fill("compared")
+    page.get_by_label("Only with this tag").blur()
+    others = page.get_by_label("Another run")
+    expect(others.locator("option")).to_have_count(1)
+    newer = finished("newer")
+    page.get_by_label("Which runs").select_option(label="Done")  # which fetches the list
+    expect(others.locator("option").first).to_have_attribute("value", newer)
+    expect(others).to_have_value(chosen)

@@ -92,6 +92,18 @@ def test_on_paper_a_run_is_its_picture_its_figures_and_its_chart(
     for hidden in (".rail", ".top", ".corner", "[aria-label=Downloads]", ".timeline .buttons"):
         expect(page.locator(hidden).first).to_be_hidden()
     page.screenshot(path=PICTURES / "job-print.png", full_page=True)
+    page.set_viewport_size(
+        {"width": 718, "height": 1010}
+    )  # the paper's own width, where a narrow screen's rules hold
+    expect(page.locator(".work > .tabs")).to_be_hidden()
+    for shown in (".stage", "[aria-label=Chart]"):
+        expect(page.locator(shown).first).to_be_visible()
+    page.emulate_media(media="screen")
+    page.get_by_role("button", name="Figures and downloads").click()
+    page.get_by_role("button", name="Runs").click()
+    page.emulate_media(media="print")
+    expect(page.locator(".rail")).to_be_hidden()
+    expect(page.locator(".stage")).to_be_visible()
     context.close()
 
 

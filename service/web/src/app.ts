@@ -93,14 +93,15 @@ export class App {
         history.replaceState(null, '', address);
     } else if (address !== here) history.pushState(null, '', address);
     if (replace && same) this.route = route;
-    else this.arrive(route);
+    else this.arrive(route, replace);
   }
 
-  private arrive(route: Route): void {
+  /** Show what an address is of. What replaces a view came by itself: the menu and a focus elsewhere stay. */
+  private arrive(route: Route, replace = false): void {
     this.route = route;
-    this.menu = false;
+    this.menu &&= replace;
     this.leftOut = [];
-    this.arriving = 'yes';
+    this.arriving = replace ? 'waiting' : 'yes';
     this.announced ??= '';
     this.open(route);
   }

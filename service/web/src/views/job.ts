@@ -1,4 +1,5 @@
 import { html, nothing, type TemplateResult } from 'lit-html';
+import { repeat } from 'lit-html/directives/repeat.js';
 import type { JobRequest } from '../api/client';
 import type { Job } from '../api/types';
 import { ago } from '../core/format';
@@ -220,7 +221,14 @@ export class JobView implements View {
       }}
     >
       <select name="other" aria-label="Another run">
-        ${others.map((other) => html`<option value=${other.id}>${other.name} · ${other.preset} · ${ago(other.created_at)}</option>`)}
+        ${repeat(
+          others,
+          (other) => other.id, // so that what is chosen stays so when a new run comes before it
+          (other) =>
+            html`<option value=${other.id}>
+              ${other.name} · ${other.preset} · ${ago(other.created_at)}
+            </option>`,
+        )}
       </select>
       <button class="plain" type="submit" title="Compare with this run">${icon('compare')} Compare</button>
     </form>`;
