@@ -9,7 +9,6 @@ from spherify.cli.commands import app
 
 def main() -> None:
     """Run the command line."""
-    gc.set_threshold(
-        50_000
-    )  # what is imported stays: to look through it every 700 objects is a tenth of a short run
+    # What is imported stays: to look through it at the default threshold is a tenth of a short run.
+    gc.set_threshold(50_000)
     app()

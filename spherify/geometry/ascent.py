@@ -6,10 +6,10 @@ centre c, radii kept, each iteration goes a share ω of a step of Newton's metho
 
     E = log A - ⅔ log V - BARRIER · 4π/m² · Σ log det(u_a, u_b, u_c)
 
-in the tangent plane of the sphere. The first two terms are -⅔ log Ψ and a constant. The last, over all m triangles, is
+in the tangent plane of the sphere. The first two terms are -log Ψ and a constant. The last, over all m triangles, is
 a barrier that none passes on its way to the inside, det being six times the volume between a triangle of directions and
-the centre: without it triangles that bring nothing would vanish. What a triangle brings goes with the square of its
-area, so the barrier matters to those of less than about BARRIER times the mean area, and little to larger ones. The
+the centre: without it triangles that bring nothing would vanish. On an even triangle of about the mean area it pulls as
+much as Ψ does, and more on smaller ones; so areas stay alike, and Ψ ends a little below the greatest there is. The
 gradients of the area A and of the volume V at a corner p of the triangle p, q, r, of unit normal n, are
 
     ∇A = ½ n x (r - q),  ∇V = ⅙ (q - p) x (r - p) (but for what cancels around p),
@@ -18,8 +18,8 @@ and the diagonal of the Hessian is taken as a third of the areas around, as it i
 and Xu, "Optimal Delaunay triangulations", 2004), and Σ |∇det|²/det² for the barrier. Vertices make room for each other
 one after the other, wave by wave: hence a momentum. All of it is ours.
 
-No face is turned: whichever triangle would keep less than KEPT of its volume has the moves of its corners halved, and
-that is repeated until none would.
+No face is turned, seen from the centre: whichever triangle would keep less than KEPT of its volume has the moves of its
+corners halved, again and again, and after HALVINGS given up; should that not do, nothing moves.
 """
 
 from __future__ import annotations

@@ -69,7 +69,7 @@ class Unfolding:
     It begins once the surface is that round; or, less round, late in a run or where nothing gets rounder. The radii are
     evened out, and rounds of unfolding follow each iteration while a face looks inward, and of drawing apart while one
     has nearly vanished. After that T goes on along the normals; and, when nothing gets rounder by that or faces turn
-    inward again, along the radii, while directions climb to the greatest sphericity (`spherify.geometry.ascent`).
+    inward again, unless the run has converged, along the radii, while directions climb (`spherify.geometry.ascent`).
 
     Attributes:
         sphericity: from which on.

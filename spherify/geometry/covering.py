@@ -2,23 +2,25 @@
 
 The degree of the map to directions is the winding number of the surface about the point, which nothing that is done to
 directions can change: 1 is what a sphere has. T can wind a long limb around the body, so that the centroid is inside
-twice, or outside; but on the way outward from it, the winding number ends at 0 and changes by 1 at each crossing, so
-that there are places where it is 1.
+twice, or outside. Along a ray the winding number changes by one at each crossing, and ends at 0: from where it is 2 or
+more, every ray passes places where it is 1; from outside, those rays do that enter the body.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from spherify.geometry import measures
 from spherify.geometry.mesh import Floats, Ints
 
 RAYS: Final = 48  # along which such a place is looked for
 TRIED: Final = 24  # of the widest ways between two crossings
+LITTLE: Final = 0.1  # of the sphere; what inward triangles cover of it then is soon unfolded
+AT_A_TIME: Final = 1 << 15  # triangles
 
 
 class Covering(NamedTuple):
@@ -40,18 +42,20 @@ def covering(U: Floats, F: Ints) -> Covering:
     The signed solid angles over 4π, whose sum is whole. By A. van Oosterom and J. Strackee, "The solid angle of a plane
     triangle", 1983.
     """
-    a, b, c = (measures.gather(U, F[:, k]) for k in range(3))
-    volumes = measures.dot(a, measures.cross(b, c))
-    angles = 2 * np.arctan2(volumes, 1 + measures.dot(a, b) + measures.dot(b, c) + measures.dot(c, a))
-    whole = 4 * np.pi
-    return Covering(round(float(angles.sum()) / whole), float(-angles[angles < 0].sum()) / whole)
+    total, turned = 0.0, 0.0
+    for a, b, c in _corners(U, F):
+        volumes = measures.dot(a, measures.cross(b, c))
+        angles = 2 * np.arctan2(volumes, 1 + measures.dot(a, b) + measures.dot(b, c) + measures.dot(c, a))
+        total += float(angles.sum())
+        turned -= float(angles[angles < 0].sum())
+    return Covering(round(total / (4 * np.pi)), turned / (4 * np.pi))
 
 
 def centre_inside(V: Floats, F: Ints, near: Floats) -> Floats | None:
     """Return a point that the surface goes around once, or None if none is found.
 
     Looked for halfway between two crossings of rays from ``near`` (3,) with the surface, in the widest ways first; of
-    those tried it is the one from which inward triangles cover the least.
+    those tried it is the one from which inward triangles cover the least, or the first from which it is little.
 
     Args:
         V: (n, 3) positions.
@@ -59,19 +63,43 @@ def centre_inside(V: Floats, F: Ints, near: Floats) -> Floats | None:
         near: where the rays begin; it is no such point itself.
 
     """
-    a, b, c = (measures.gather(V, F[:, k]) - near for k in range(3))
-    across = measures.cross(b - a, c - a)
-    heights = measures.dot(across, a)
+    rays = _rays()
     ways: list[tuple[float, Floats]] = []  # how wide, and the middle
-    for ray in _rays():
-        slopes = across @ ray
-        crossed = np.flatnonzero((slopes != 0) & _within(a, b, c, across, ray))
-        at = heights[crossed] / slopes[crossed]
-        ways += [(float(y - x), near + (x + y) / 2 * ray) for x, y in pairwise(np.sort(at[at > 0]))]
+    for ray, at in zip(rays, _crossings(V - near, F, rays), strict=True):
+        ways += [(float(y - x), near + (x + y) / 2 * ray) for x, y in pairwise(np.sort(at))]
     ways.sort(key=lambda way: -way[0])
-    found = [(covering(measures.normalised(V - middle), F), middle) for _, middle in ways[:TRIED]]
-    once = [(turned, middle) for (degree, turned), middle in found if degree == 1]
-    return min(once, key=lambda candidate: candidate[0])[1] if once else None
+    least, found = np.inf, None
+    for _, middle in ways[:TRIED]:
+        degree, turned = covering(measures.normalised(V - middle), F)
+        if degree == 1 and turned < least:
+            least, found = turned, middle
+        if least < LITTLE:
+            break
+    return found
+
+
+def _crossings(V: Floats, F: Ints, rays: Floats) -> list[Floats]:
+    """How far from the origin each ray (k, 3) crosses triangles: those of whose edges it is on the same side."""
+    found: list[list[Floats]] = [[] for _ in rays]
+    for a, b, c in _corners(V, F):
+        edges = [measures.cross(p, q) for p, q in ((a, b), (b, c), (c, a))]
+        height = measures.dot(edges[0], c)  # times the slope of a ray that meets the triangle in its length
+        for ray, at in zip(rays, found, strict=True):
+            along = np.broadcast_to(ray, a.shape)
+            sides = [measures.dot(edge, along) for edge in edges]
+            slope = sides[0] + sides[1] + sides[2]
+            crossed = (slope != 0) & (height * slope > 0)
+            for side in sides:
+                crossed &= side * slope >= 0
+            at.append(height[crossed] / slope[crossed])
+    return [np.concatenate(at) for at in found]
+
+
+def _corners(V: Floats, F: Ints) -> Iterator[tuple[Floats, Floats, Floats]]:
+    """Yield the corners of the triangles, (k, 3) each, so many at a time that they take little memory."""
+    for first in range(0, len(F), AT_A_TIME):
+        some = F[first : first + AT_A_TIME]
+        yield measures.gather(V, some[:, 0]), measures.gather(V, some[:, 1]), measures.gather(V, some[:, 2])
 
 
 def _rays() -> Floats:
@@ -80,12 +108,3 @@ def _rays() -> Floats:
     z, longitude = 1 - 2 * i / RAYS, np.pi * (1 + np.sqrt(5)) * i
     ring = np.sqrt(1 - z * z)
     return np.stack([ring * np.cos(longitude), ring * np.sin(longitude), z], axis=1)
-
-
-def _within(a: Floats, b: Floats, c: Floats, across: Floats, ray: Floats) -> NDArray[np.bool_]:
-    """(m,) whether the line along ``ray`` through the origin crosses the triangles: the same side of all edges."""
-    along = np.broadcast_to(ray, a.shape)
-    sides = [measures.dot(measures.cross(p, q), along) for p, q in ((a, b), (b, c), (c, a))]
-    slopes = across @ ray
-    within: NDArray[np.bool_] = np.all([side * slopes >= 0 for side in sides], axis=0)
-    return within

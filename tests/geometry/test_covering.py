@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from itertools import islice
 
 import numpy as np
 import pytest
@@ -61,7 +62,7 @@ def test_a_point_inside_is_found_where_the_centroid_is_outside():
         assert seen_from(centre_inside(mesh.vertices, mesh.faces, centroid), mesh).degree == 1
 
 
-def test_nor_has_one_to_be_inside_twice():
+def test_a_point_inside_once_is_found_from_one_inside_twice():
     """Between the outer and the inner of two balls, both of which look outward, is a point within one of them."""
     ball = icosphere(6)
     V = np.vstack([ball.vertices, 0.5 * ball.vertices])
@@ -90,13 +91,16 @@ def test_what_t_winds_around_itself_becomes_a_true_sphere():
     assert areas.min() > 1e-6 * areas.mean()
 
 
-def test_what_cannot_be_unwound_ends_as_it_was_and_not_collapsed():
+@pytest.mark.parametrize("coil", [(1.5, 10, 80), (1.2, 8, 60), (1.8, 8, 90), (2.0, 8, 60)])
+def test_what_cannot_be_unwound_ends_as_it_was_and_not_collapsed(coil):
     """So few triangles that they pass the centre as they are drawn: the sphere is not covered once any more."""
-    phases, last = run(1.5, 10, 80)
+    phases, last = run(*coil)
     assert Phase.SPHERE in phases
-    assert phases[-1] == Phase.NORMALS
     assert last.stop_reason == StopReason.STALLED
-    assert last.sphericity == pytest.approx(0.73, abs=0.05)
+    assert "unwound" in last.stop_detail
+    sphericity = [state.sphericity for state in flow(wound(*coil), ROBUST, engine="compiled")]
+    begun = phases.index(Phase.SPHERE) - 1
+    assert last.sphericity > max(sphericity[:begun]) - 0.01
 
 
 def test_a_run_goes_back_to_the_state_it_was_roundest_in():
@@ -121,5 +125,16 @@ def test_going_back_resumes_bit_by_bit():
     folded = next(s.iteration for s in whole if Control(*s.checkpoint()["control"]).phase == Phase.FOLDED)
     for start in range(folded - 1, folded + 3):
         resumed = flow(mesh, ROBUST, engine="compiled", resume=whole[start].checkpoint())
-        for state, expected in zip(resumed, whole[start + 1 :], strict=False):
+        rest = whole[start + 1 :]
+        for state, expected in zip(islice(resumed, len(rest)), rest, strict=True):
+            assert state.vertices.tobytes() == expected.vertices.tobytes()
+
+
+def test_giving_up_resumes_bit_by_bit():
+    mesh = wound(1.5, 10, 80)
+    whole = list(flow(mesh, ROBUST, engine="compiled"))
+    given_up = next(s.iteration for s in whole if Control(*s.checkpoint()["control"]).given_up)
+    for start in range(given_up - 3, given_up + 2):
+        resumed = flow(mesh, ROBUST, engine="compiled", resume=whole[start].checkpoint())
+        for state, expected in zip(resumed, whole[start + 1 :], strict=True):
             assert state.vertices.tobytes() == expected.vertices.tobytes()

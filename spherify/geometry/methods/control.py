@@ -28,6 +28,7 @@ FALL: Final = 0.9  # to this share of the radius variation: something got better
 VANISHING: Final = 3e-6  # triangles of less than this share of the mean area are drawn apart
 SETTLED: Final = 5e-3  # radius variation below which T takes over from the evening out of radii
 WAITED: Final = 50  # iterations, after which it does in any case
+GIVEN_UP: Final = np.inf  # no sphericity exceeds it: nothing is waited for any more
 CAREFUL: Final = 0.1  # of the step, that T along the radii begins with; longer ones make it rough again
 
 
@@ -84,6 +85,11 @@ class Control(NamedTuple):
     def folded(self) -> bool:
         """Whether there is something to unfold: a face looks inward, or has nearly vanished."""
         return self.inward > 0 or self.least_area < THIN
+
+    @property
+    def given_up(self) -> bool:
+        """Whether nothing on the sphere led further, so that T goes on along the normals to the end."""
+        return self.plateau == GIVEN_UP
 
     def as_star(self, shape: Shape) -> Control:
         """Return it as STAR begins."""

@@ -22,7 +22,15 @@ from spherify.geometry.config import LATE, FlowConfig, Stage
 from spherify.geometry.covering import Covering, centre_inside, covering
 from spherify.geometry.kernels import Engine, Kernel
 from spherify.geometry.mesh import Floats
-from spherify.geometry.methods.control import LOOKED_EVERY, PLATEAU_RISE, Control, Phase, grown
+from spherify.geometry.methods.control import (
+    GIVEN_UP,
+    LOOKED_EVERY,
+    PLATEAU_RISE,
+    WAITED,
+    Control,
+    Phase,
+    grown,
+)
 from spherify.geometry.methods.interface import Standstill, Step
 from spherify.geometry.metrics import Figures
 from spherify.geometry.progress import Layout, Memory, Progress
@@ -31,6 +39,9 @@ from spherify.geometry.schedule import stage_at
 from spherify.geometry.topology import Topology
 from spherify.geometry.unfolding import Unfolded, evened_out, folds
 
+UNWOUND: Final = (
+    "the surface, wound around itself, could not be unwound: the run went back to before that was tried"
+)
 STANDSTILL: Final = "the curvature is the same at every vertex, so the transformation does not move any"
 ROUND_ENOUGH: Final = (
     0.2  # radius variation below which it is on the sphere that a run goes on when it is stuck
@@ -125,7 +136,9 @@ class CurvatureTransformation:
         annealing, control = self._config.annealing, Control.of(progress)
         if annealing is None or control.phase == Phase.FOLDED:
             return None
-        if control.phase == Phase.SPHERE and control.waited >= PATIENCES * annealing.patience:
+        if control.given_up:
+            return UNWOUND if control.waited >= LOOKED_EVERY else None
+        if control.phase == Phase.SPHERE and control.waited >= max(PATIENCES * annealing.patience, WAITED):
             return (
                 f"neither the radius variation, now {progress.shape.radius_variation:.2e}, nor the number of faces "
                 f"that look inward, at best {control.fewest:.0f}, fell in {control.waited:.0f} iterations on the sphere"
@@ -144,13 +157,17 @@ class CurvatureTransformation:
         stage, step = stage_at(self._config.schedule, progress.iteration), self.step(progress)
         self._folds = None
         if control.phase == Phase.SPHERE:
-            self._folds = self._on_the_sphere(here, centre, control, stage, progress.memory["log_weights"])
-            return self._folds.positions
+            found = self._on_the_sphere(here, centre, control, stage, progress.memory["log_weights"])
+            if control.inward and not self._kernel.shape(found.positions).volume > 0:
+                self._decided = progress, self._given_up(progress, control)
+                return self.advance(progress)  # along the normals
+            self._folds = found
+            return found.positions
         if control.phase == Phase.STAR:
             ahead = _ahead_along_radii(here, previous, centre, control.momentum)
             moved = self._kernel.transform_radially(ahead, stage, step, centre)
-            if moved is not None:
-                moved = self._kernel.ascend(moved, previous, centre, min(control.momentum, MOMENTUM))
+            along = ahead if moved is None else moved  # None: the same curvature everywhere
+            moved = self._kernel.ascend(along, previous, centre, min(control.momentum, MOMENTUM))
         else:
             ahead = here
             if control.momentum > 0:
@@ -163,7 +180,7 @@ class CurvatureTransformation:
     def remember(self, progress: Progress, shape: Shape, factor: float) -> Memory:
         """See `Method.remember`: momentum, annealing and the part on the sphere brought up to date.
 
-        On the sphere, which has no momentum, ``previous`` stays what it began with, to go back to.
+        On the sphere, which has no momentum, ``previous`` stays what to go back to.
         """
         control, _, before = self._next(progress)
         weights, centre = progress.memory["log_weights"], shape.centroid
@@ -175,9 +192,8 @@ class CurvatureTransformation:
             after = control.evened(shape, self._folds)
             if control.inward:
                 weights = self._folds.log_weights
-        on_the_sphere = control.phase == Control.of(progress).phase == Phase.SPHERE
         return {
-            "previous": progress.memory["previous"] if on_the_sphere else progress.position,
+            "previous": self._refuge(progress),
             "control": np.array(after),
             "centre": centre,
             "log_weights": weights,
@@ -192,7 +208,9 @@ class CurvatureTransformation:
             momentum = 0.0
         if reached > plateau + PLATEAU_RISE:
             plateau, waited = reached, 0
-        elif control.phase != Phase.SMOOTHING and config.annealing and waited >= config.annealing.patience:
+        elif control.phase == Phase.SMOOTHING:  # ends by what it has waited, see `_decision`
+            pass
+        elif config.annealing is not None and waited >= config.annealing.patience:
             annealing, waited = annealing * config.annealing.factor, 0
             over = config.step * annealing < config.annealing.min_step
             if control.phase == Phase.NORMALS and not control.times and self._stuck(shape, over=over):
@@ -220,18 +238,23 @@ class CurvatureTransformation:
             return Next(control, here, centre)
         if control.phase == Phase.SMOOTHING:
             annealing = self._config.annealing
-            over = annealing is not None and control.waited >= annealing.patience
+            over = control.waited >= (WAITED if annealing is None else annealing.patience)
             if looked or over:
-                control = self._smoothed(progress, control, over=over)
+                control, centre = self._smoothed(progress, control, over=over), progress.shape.centroid
         elif control.phase == Phase.FOLDED:
             return self._from_the_roundest(progress, control)
-        elif control.phase == Phase.NORMALS and looked and self._round_enough(progress):
+        elif (
+            control.phase == Phase.NORMALS
+            and looked
+            and not control.given_up
+            and self._round_enough(progress)
+        ):
             seen = self._covering(here, centre)
             if seen.degree == 1 and seen.turned < TURNED:
                 control = self._begun(here, centre, control)
         elif control.phase == Phase.SPHERE and looked and control.inward:
             if self._covering(here, centre).degree != 1:  # what moves far may pass the centre
-                return self._given_up(control, progress.memory["previous"], centre)
+                return self._given_up(progress, control)
         elif control.phase == Phase.STAR and looked:
             inward = self._kernel.figures(here, progress.shape.centroid).inward_faces
             centre = centre if inward else progress.shape.centroid
@@ -246,17 +269,24 @@ class CurvatureTransformation:
         if self._covering(here, centre).degree != 1:
             inside = centre_inside(here, self._topology.faces, centre)
             if inside is None:
-                return self._given_up(control, progress.position, centre)
+                return self._given_up(progress, control)
             centre = inside
             here = _on_a_sphere(here, centre)  # uneven radii about it may enclose less than nothing
         return Next(self._begun(here, centre, control), here, centre)
 
-    def _given_up(self, control: Control, here: Floats, centre: Floats) -> Next:
-        """Go on along the normals to the end, by the least steps: nothing on the sphere leads further."""
+    def _given_up(self, progress: Progress, control: Control) -> Next:
+        """Go back to the refuge, and on along the normals to the end: nothing on the sphere leads further."""
         annealing = self._config.annealing
         least = control.annealing if annealing is None else annealing.min_step / self._config.step
-        again = Control(0.0, min(control.annealing, least), np.inf, 0, times=max(control.times, 1.0))
-        return Next(again, here, centre)
+        again = Control(0.0, min(control.annealing, least), GIVEN_UP, 0, times=max(control.times, 1.0))
+        return Next(again, self._refuge(progress), progress.memory["centre"])
+
+    def _refuge(self, progress: Progress) -> Floats:
+        """(n, 3) what to go back to: on the sphere what it began with, and of what gets no rounder the roundest."""
+        return {
+            Phase.SPHERE: progress.memory["previous"],
+            Phase.FOLDED: progress.best_position,
+        }.get(Phase(int(Control.of(progress).phase)), progress.position)
 
     def _smoothed(self, progress: Progress, control: Control, *, over: bool) -> Control:
         """Return the control if something may have folded while T went on along the normals, ``over`` or not."""

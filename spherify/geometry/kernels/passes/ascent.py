@@ -16,9 +16,9 @@ class Climb(NamedTuple):
 
     Attributes:
         directions: (n, 4) u, and the radius.
-        slopes: (n, 4) the gradient times the area, and the diagonal of the Hessian.
+        slopes: (n, 4) the gradient times the area, and the diagonal of the Hessian; after that 1 at whose move is cut.
         moves: (n, 4) where to, and what share of the way.
-        moved: (n, 4) directions after it. Before it, the positions an iteration ago.
+        moved: (n, 4) directions after it. Before it, the positions an iteration before.
         volumes: (m,) of the triangles of directions and the centre, times six.
 
     """

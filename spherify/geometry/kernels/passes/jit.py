@@ -102,9 +102,8 @@ def pasted(function: F) -> F:
 def entry(function: F) -> F:
     """Compile a function that Python calls, and keep its machine code for the next process."""
     compiled: Any = njit(**_OPTIONS)(function)
-    with suppress(
-        RuntimeError
-    ):  # there is no place to keep it: a read-only installation, and a user without a home
+    # An error: there is no place to keep it, in a read-only installation by a user without a home.
+    with suppress(RuntimeError):
         compiled._cache = _Kept(function)
     return cast(F, compiled)
 

@@ -23,7 +23,7 @@ def total_of(v: Floats) -> float:
 
 @inner
 def least_of(v: Floats) -> float:
-    """Return the least number; inf if there is none."""
+    """Return the least of finite numbers; inf if there is none."""
     least = np.inf
     for value in v:
         least = min(least, value)
@@ -32,7 +32,7 @@ def least_of(v: Floats) -> float:
 
 @inner
 def greatest_of(v: Floats) -> float:
-    """Return the greatest of numbers that are not negative; 0 if there is none."""
+    """Return the greatest of finite numbers that are not negative; 0 if there is none."""
     greatest = 0.0
     for value in v:
         greatest = max(greatest, value)
