@@ -1,10 +1,9 @@
 import { describe, expect, it } from 'vitest';
 import { axisOf } from './axis';
-import { figure } from './format';
 
 const written = (least: number, most: number): string[] => {
-  const { ticks, digits } = axisOf(least, most);
-  return ticks.map((tick) => figure(tick, digits));
+  const { ticks, write } = axisOf(least, most);
+  return ticks.map(write);
 };
 
 describe('an axis', () => {
@@ -17,6 +16,10 @@ describe('an axis', () => {
     const ticks = written(0.99951, 0.99968);
     expect(ticks.length).toBeGreaterThan(2);
     expect(new Set(ticks).size).toBe(ticks.length);
+  });
+
+  it('tells powers of ten apart', () => {
+    expect(written(1e-5, 3e-5)).toEqual(['1.0·10⁻⁵', '1.5·10⁻⁵', '2.0·10⁻⁵', '2.5·10⁻⁵', '3.0·10⁻⁵']);
   });
 
   it('has room around one value that never changes', () => {

@@ -1,10 +1,13 @@
+import { figure } from './format';
+
 /** The upright axis of a chart. */
 export interface Axis {
   readonly low: number;
   readonly high: number;
-  /** Round values within, ascending, and how many significant digits tell them apart. */
+  /** Round values within, ascending. */
   readonly ticks: readonly number[];
-  readonly digits: number;
+  /** Write one with as many digits as tell it from the others. */
+  readonly write: (tick: number) => string;
   /** Where a value lies, from 0 at the lowest to 1 at the highest. */
   readonly place: (value: number) => number;
 }
@@ -25,11 +28,12 @@ export function axisOf(least: number, most: number, count = 4): Axis {
   const [begin, end] = [Math.ceil(low / step), Math.floor(high / step)];
   for (let n = begin; n <= end; n++) ticks.push(n * step);
   const largest = Math.max(Math.abs(low), Math.abs(high));
+  const digits = Math.floor(Math.log10(largest)) - Math.floor(Math.log10(step)) + 1;
   return {
     low,
     high,
     ticks,
-    digits: Math.floor(Math.log10(largest)) - Math.floor(Math.log10(step)) + 1,
+    write: (tick) => figure(tick, digits + 1), // a power of ten is written with one digit less
     place: (value) => (value - low) / (high - low),
   };
 }

@@ -110,21 +110,21 @@ export class Chart {
       ...axis.ticks.map((tick) => `M0 ${down(axis, tick)}H${SIDE}`),
       ...below.map((tick) => `M${across(scale.place(tick))} 0V${SIDE}`),
     ];
-    const write = (value: number): string => figure(value, axis.digits);
-    return html`<div
-      class="plot"
-      role="img"
-      aria-label="${series.title} against iteration: ${figure(values[0], 4)} at first, ${figure(values.at(-1), 4)} at last"
-    >
+    return html`<div class="plot">
       <div class="area" @click=${this.press}>
-        <svg viewBox="0 0 ${SIDE} ${SIDE}" preserveAspectRatio="none" aria-hidden="true">
+        <svg
+          viewBox="0 0 ${SIDE} ${SIDE}"
+          preserveAspectRatio="none"
+          role="img"
+          aria-label="${series.title} against iteration: ${figure(values[0], 4)} at first, ${figure(values.at(-1), 4)} at last"
+        >
           <path class="grid" d=${grid.join('')} />
           <path class="curve" d=${line.join('')} />
         </svg>
         <div class="here"></div>
       </div>
       <div class="up">
-        ${axis.ticks.map((tick) => html`<span ${at(1 - axis.place(tick))}>${write(tick)}</span>`)}
+        ${axis.ticks.map((tick) => html`<span ${at(1 - axis.place(tick))}>${axis.write(tick)}</span>`)}
       </div>
       <div class="along">
         ${below.map((tick) => html`<span ${at(scale.place(tick))}>${count(tick)}</span>`)}
