@@ -234,7 +234,7 @@ export class App {
       <div class="body ${this.menu ? 'menu' : ''}">
         <nav class="rail" aria-label="Runs">${this.rail.render(this.route)}</nav>
         <main id="main" tabindex="-1">
-          ${this.view.headed === true || this.view instanceof LoadingView ? nothing : html`<h1 class="hidden" tabindex="-1">${this.view.title}</h1>`}
+          ${this.view.headed === true || this.view.title === '' ? nothing : html`<h1 class="hidden" tabindex="-1">${this.view.title}</h1>`}
           ${this.view.render()}
         </main>
       </div>

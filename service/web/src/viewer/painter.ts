@@ -131,8 +131,11 @@ export class Painter {
     const drawn = card.fenceSync(card.SYNC_GPU_COMMANDS_COMPLETE, 0);
     card.flush();
     const look = (): void => {
-      const known = drawn !== null && !card.isContextLost();
-      if (known && card.getSyncParameter(drawn, card.SYNC_STATUS) !== card.SIGNALED) {
+      if (card.isContextLost()) {
+        this.unseen = true; // it is drawn anew once the card is back
+        return;
+      }
+      if (drawn !== null && card.getSyncParameter(drawn, card.SYNC_STATUS) !== card.SIGNALED) {
         this.seeing = requestAnimationFrame(look);
         return;
       }

@@ -182,6 +182,7 @@ export class MeshView implements View {
 
   private async load(id: string): Promise<void> {
     this.problem = null;
+    this.viewer.expect(true);
     try {
       const mesh = await this.context.api.mesh(id);
       if (this.isClosed()) return;
