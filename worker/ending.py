@@ -41,7 +41,11 @@ class Ending:
         self.outbox = Outbox(jobs, job_id, token)
 
     def commit(self, outcome: Outcome, progress: Progress | None) -> None:
-        """Make the end durable, then tell the record; without a progress, that of the last state."""
+        """Make the end durable, then tell the record.
+
+        Without a progress, that of the last state: the runner did not tell its end itself, but was told of.
+        """
+        whole = progress is not None
         sealed = self._insist(lambda: self._jobs.seal(self._job_id, self._token))
         if sealed is None or sealed is Renewal.FENCED:
             self.say(logging.WARNING, "fenced", "it ended, but the job is not ours any more")
@@ -63,6 +67,7 @@ class Ending:
             started_at=None if job is None else job.started_at,
             attempt=0 if job is None else job.attempt,
             losses=0 if job is None else job.losses,
+            whole=whole,
         )
         try:
             result = write_result(self._blobs, mine)
@@ -74,7 +79,7 @@ class Ending:
                 self.adopt(result)
                 return
         self.outbox.send_end(progress)
-        if self._insist(lambda: self._jobs.commit(self._job_id, self._token, outcome)):
+        if self._insist(lambda: self._jobs.commit(self._job_id, self._token, outcome, mine.kept)):
             self._committed(outcome)
 
     def adopt(self, result: Result) -> None:

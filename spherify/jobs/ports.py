@@ -131,6 +131,14 @@ class Page(Generic[T]):
     next_cursor: str | None
 
 
+@dataclass(frozen=True, slots=True)
+class Kept:
+    """Iterations of the snapshots and rows that stay when a job ends: those of the attempt that ended it."""
+
+    snapshots: frozenset[int]
+    rows: frozenset[int]
+
+
 class JobStore(Protocol):
     """The live record of every job; every change of several keys is one script or transaction."""
 
@@ -223,8 +231,8 @@ class JobStore(Protocol):
         """Learn a last time whether to end as cancelled; from then on a cancel comes too late."""
         ...
 
-    def commit(self, job_id: str, token: int, outcome: Outcome) -> bool:
-        """End a job, once; repeating the same commit is True and changes nothing."""
+    def commit(self, job_id: str, token: int, outcome: Outcome, kept: Kept | None = None) -> bool:
+        """End a job, once, with the snapshots and rows kept only; the same again is True and changes nothing."""
         ...
 
     # What the reconciler calls.

@@ -18,7 +18,7 @@ from spherify.jobs import layout
 from spherify.jobs.codec import dumps, load_outcome, load_progress, load_snapshot
 from spherify.jobs.errors import BlobExistsError, BlobNotFoundError, DamagedBlobError
 from spherify.jobs.model import Outcome, Progress, Snapshot
-from spherify.jobs.ports import BlobStore, JobStore
+from spherify.jobs.ports import BlobStore, JobStore, Kept
 from spherify.jobs.rows import Row
 
 log = logging.getLogger(__name__)
@@ -36,6 +36,8 @@ class Result:
         started_at: when its first attempt began, seconds since the epoch.
         attempt: how many there were.
         losses: how many of them lost their worker.
+        whole: whether the runner told its end itself, and so of every snapshot and row; one that was killed may have
+            told a part only.
 
     """
 
@@ -48,6 +50,17 @@ class Result:
     started_at: float | None = None
     attempt: int = 0
     losses: int = 0
+    whole: bool = False
+
+    @property
+    def kept(self) -> Kept | None:
+        """What stays in the record, of all that former attempts told; None, which is everything, if a part is known."""
+        if not self.whole:
+            return None
+        return Kept(
+            frozenset(snapshot.iteration for snapshot in self.snapshots),
+            frozenset(int(row["iteration"]) for row in self.rows),
+        )
 
 
 def write_result(blobs: BlobStore, result: Result) -> Result:
@@ -85,7 +98,7 @@ def publish_result(jobs: JobStore, token: int, result: Result) -> bool:
             break  # fenced, or ended already: the commit below tells which
     if result.progress is not None:
         jobs.report(result.job_id, token, result.progress, result.rows)
-    return jobs.commit(result.job_id, token, result.outcome)
+    return jobs.commit(result.job_id, token, result.outcome, result.kept)
 
 
 def _write_again(blobs: BlobStore, result: Result, text: bytes, damage: DamagedBlobError) -> Result:
@@ -113,6 +126,7 @@ def _dumped(result: Result) -> bytes:
         "started_at": result.started_at,
         "attempt": result.attempt,
         "losses": result.losses,
+        "whole": result.whole,
     }
     return dumps(document | {"sha256": _checksum(document)}).encode()
 
@@ -121,7 +135,7 @@ def _parsed(text: bytes) -> Result:
     """Read what `_dumped` wrote; raises `DamagedBlobError`."""
     try:
         data = json.loads(text)
-        told = data.pop("sha256", None)  # it and the last three are younger than the rest
+        told = data.pop("sha256", None)  # it and the last four are younger than the rest
         if told is not None and told != _checksum(data):
             raise DamagedBlobError("its checksum does not fit")
         return Result(
@@ -134,6 +148,7 @@ def _parsed(text: bytes) -> Result:
             started_at=data.get("started_at"),
             attempt=data.get("attempt", 0),
             losses=data.get("losses", 0),
+            whole=data.get("whole", False),
         )
     except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as e:
         raise DamagedBlobError(f"it has another form: {e!r}") from e

@@ -28,7 +28,7 @@ from spherify.jobs.model import (
     Progress,
     Snapshot,
 )
-from spherify.jobs.ports import CancelOutcome, Claim, ClaimOutcome, Page, Renewal
+from spherify.jobs.ports import CancelOutcome, Claim, ClaimOutcome, Kept, Page, Renewal
 
 _AT_WORK = (JobStatus.RUNNING, JobStatus.CANCELLING)
 
@@ -243,8 +243,8 @@ class MemoryJobStore:
             entry.sealed = True
             return Renewal.HELD
 
-    def commit(self, job_id: str, token: int, outcome: Outcome) -> bool:
-        """End a job, once; repeating the same commit is True and changes nothing."""
+    def commit(self, job_id: str, token: int, outcome: Outcome, kept: Kept | None = None) -> bool:
+        """End a job, once, with the snapshots and rows kept only; the same again is True and changes nothing."""
         with self._lock:
             entry = self._entries.get(job_id)
             if entry is not None and entry.committed == (token, outcome):
@@ -253,6 +253,10 @@ class MemoryJobStore:
             if entry is None:
                 return False
             entry.committed = (token, outcome)
+            if kept is not None:
+                snapshots = tuple(s for s in entry.job.snapshots if s.iteration in kept.snapshots)
+                entry.job = replace(entry.job, snapshots=snapshots)
+                entry.rows = {i: row for i, row in entry.rows.items() if i in kept.rows}
             cancelled = entry.job.status is JobStatus.CANCELLING
             self._move(
                 entry,

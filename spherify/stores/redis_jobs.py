@@ -24,7 +24,7 @@ from spherify.jobs.errors import (
 from spherify.jobs.ids import earliest_job_id, is_job_id
 from spherify.jobs.layout import TOMBSTONE_S
 from spherify.jobs.model import Job, JobSpec, JobStatus, Outcome, Progress, Snapshot
-from spherify.jobs.ports import CancelOutcome, Claim, ClaimOutcome, Page, Renewal
+from spherify.jobs.ports import CancelOutcome, Claim, ClaimOutcome, Kept, Page, Renewal
 from spherify.stores import keys
 from spherify.stores.client import Scripts, reachable
 from spherify.stores.epoch import REBUILDING, is_complete, require_complete
@@ -190,10 +190,12 @@ class RedisJobStore:
         """Learn a last time whether to end as cancelled; from then on a cancel comes too late."""
         return Renewal(self._run("seal", job_id, [token]))
 
-    def commit(self, job_id: str, token: int, outcome: Outcome) -> bool:
-        """End a job, once; repeating the same commit is True and changes nothing."""
-        args = [token, outcome.status, dump_record(outcome), *fields_of(outcome)]
-        return bool(self._run("commit", job_id, args))
+    def commit(self, job_id: str, token: int, outcome: Outcome, kept: Kept | None = None) -> bool:
+        """End a job, once, with the snapshots and rows kept only; the same again is True and changes nothing."""
+        stay = "" if kept is None else dumps([[str(i) for i in kept.snapshots], [str(i) for i in kept.rows]])
+        args = [token, outcome.status, dump_record(outcome), stay, *fields_of(outcome)]
+        more_keys = [keys.snapshots(job_id), keys.rows(job_id)]
+        return bool(self._run("commit", job_id, args, more_keys=more_keys))
 
     def lost(self, limit: int | None = None, *, counted: bool = True) -> list[str]:
         """Free jobs whose lease ran out, the longest first; returns those to be sent again.

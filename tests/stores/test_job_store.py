@@ -14,7 +14,7 @@ from spherify.jobs.errors import (
 )
 from spherify.jobs.ids import new_job_id
 from spherify.jobs.model import JobError, JobStatus, Outcome, Progress, Snapshot
-from spherify.jobs.ports import CancelOutcome, Claim, ClaimOutcome, JobStore, Renewal
+from spherify.jobs.ports import CancelOutcome, Claim, ClaimOutcome, JobStore, Kept, Renewal
 from tests.jobs.examples import job_spec
 
 DONE = Outcome(JobStatus.SUCCESSFUL, "converged", "round", result_iteration=3, best_iteration=2)
@@ -111,6 +111,24 @@ def test_snapshots_ascend_and_a_later_one_replaces(jobs: JobStore) -> None:
     for it, key in ((100, "a"), (5, "b"), (100, "c")):
         assert jobs.add_snapshot(job_id, token, snapshot(it, key))
     assert [(s.iteration, s.key) for s in jobs.get(job_id).snapshots] == [(5, "b"), (100, "c")]
+
+
+def test_a_commit_keeps_what_it_names_of_all_that_former_attempts_left(jobs: JobStore) -> None:
+    job_id, first = running(jobs)
+    for iteration in (0, 10, 20):
+        jobs.report(job_id, first, Progress(iteration, 30), [{"iteration": iteration}])
+        jobs.add_snapshot(job_id, first, snapshot(iteration, "first"))
+    assert jobs.lose(job_id, first)
+    second = jobs.claim(job_id, "w").token
+    assert all(jobs.add_snapshot(job_id, second, snapshot(i, "second")) for i in (0, 10))
+    kept = Kept(snapshots=frozenset({0, 10}), rows=frozenset({0, 20}))
+    assert not jobs.commit(job_id, first, DONE, kept)
+    assert len(jobs.metrics(job_id)) == len(jobs.get(job_id).snapshots) == 3, "fenced"
+    assert jobs.commit(job_id, second, DONE, kept)
+    assert [(s.iteration, s.key) for s in jobs.get(job_id).snapshots] == [(0, "second"), (10, "second")]
+    assert jobs.metrics(job_id) == [{"iteration": 0}, {"iteration": 20}]
+    assert jobs.commit(job_id, second, DONE, Kept(frozenset(), frozenset()))
+    assert len(jobs.get(job_id).snapshots) == 2, "a repetition changes nothing"
 
 
 def test_a_commit_ends_the_job_once(jobs: JobStore) -> None:
