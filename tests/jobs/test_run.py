@@ -104,7 +104,7 @@ def test_rows_follow_the_rule() -> None:
 
 
 def test_a_best_state_between_snapshots_is_kept_in_hindsight() -> None:
-    settings = config(iterations=60, window=(0, 100), step_bound=0, step=0.5)
+    settings = config(iterations=60, window=(0, 100), step_bound=0, step=0.5, unfolding=None)
     end, sink = recorded(stone(), settings)
     assert end.best_iteration not in (0, 60)
     assert set(sink.snapshots) == {0, end.best_iteration, 60}

@@ -71,7 +71,7 @@ def animal() -> bytes:
 
 @pytest.fixture(scope="session")
 def stone() -> bytes:
-    """A sample that `paper` goes on with for as long as it may."""
+    """A sample that `paper` goes on with for as long as it may, by steps so small that nothing breaks."""
     return write_mesh(SAMPLES["stone"].build(4000), "obj")
 
 

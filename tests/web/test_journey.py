@@ -165,7 +165,7 @@ def test_from_a_file_to_a_shared_link(
 
 
 def test_a_run_is_found_cancelled_and_deleted(page: Page, stack: Stack, api: Api, stone: bytes) -> None:
-    fields = {"preset": "paper", "iterations": "900000", "name": "endless", "tags": "mine"}
+    fields = {"preset": "paper", "step": "1e-6", "iterations": "900000", "name": "endless", "tags": "mine"}
     answer = api.http.post("/v1/jobs", files={"file": ("stone.obj", stone)}, data=fields)
     job_id = answer.json()["id"]
     page.goto(f"{stack.url}/?job={job_id}")
@@ -202,7 +202,7 @@ def test_a_run_is_cancelled_fetched_and_deleted_from_the_list(
         answer = api.http.post("/v1/jobs", files={"file": ("a.obj", mesh)}, data=fields | {"tags": "listed"})
         return str(answer.json()["id"])
 
-    endless = sent(stone, name="endless", preset="paper", iterations="900000")
+    endless = sent(stone, name="endless", preset="paper", step="1e-6", iterations="900000")
     page.on("dialog", lambda dialog: dialog.accept())
     page.goto(stack.url)
     page.get_by_label("Only with this tag").fill("listed")

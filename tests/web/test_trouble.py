@@ -83,7 +83,7 @@ def test_a_run_is_followed_although_its_events_cannot_be_had_at_first(
         )
 
     page.route("**/events", busy)
-    fields = {"preset": "paper", "iterations": "900000", "name": "busy"}
+    fields = {"preset": "paper", "step": "1e-6", "iterations": "900000", "name": "busy"}
     job = api.http.post("/v1/jobs", files={"file": ("stone.obj", stone)}, data=fields).json()
     page.goto(f"{stack.url}/?job={job['id']}")
     expect(page.get_by_text("asking every second")).to_be_visible()
@@ -157,7 +157,13 @@ HIDE = """(hidden) => {
 def test_while_nobody_looks_nothing_is_asked_and_then_nothing_was_missed(
     page: Page, stack: Stack, api: Api, stone: bytes
 ) -> None:
-    fields = {"preset": "paper", "iterations": "900000", "snapshots": "every:20000", "name": "unseen"}
+    fields = {
+        "preset": "paper",
+        "step": "1e-6",
+        "iterations": "900000",
+        "snapshots": "every:20000",
+        "name": "unseen",
+    }
     job = api.http.post("/v1/jobs", files={"file": ("stone.obj", stone)}, data=fields).json()
     page.add_init_script(
         "const News = EventSource; EventSource = class extends News { heard = opened.push(this) }"
@@ -213,7 +219,13 @@ def test_a_service_that_was_restarted_in_mid_run_is_found_again(
     with started_stack(tmp_path_factory.mktemp("restart"), api=False, environment=QUICK) as stack:
         process = stack.start_api()
         api = Api(stack.url)
-        fields = {"preset": "paper", "iterations": "900000", "snapshots": "every:20000", "name": "long"}
+        fields = {
+            "preset": "paper",
+            "step": "1e-6",
+            "iterations": "900000",
+            "snapshots": "every:20000",
+            "name": "long",
+        }
         answer = api.http.post("/v1/jobs", files={"file": ("stone.obj", stone)}, data=fields)
         page.goto(f"{stack.url}/?job={answer.json()['id']}&it=0")
         expect(status(page)).to_have_text("Running")
