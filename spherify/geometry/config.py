@@ -40,7 +40,8 @@ class Annealing:
     """Shrink step and relaxation when nothing gets better. Ours.
 
     Attributes:
-        patience: iterations without a rise of the best sphericity by 1e-4 before a reduction.
+        patience: iterations without a rise of the best sphericity by 1e-4 before a reduction; after the part on the
+            sphere, first before the climb, see `Unfolding`.
         factor: what step and relaxation are multiplied by, in (0, 1).
         min_step: the run ends as ``stalled`` once the step, in units of ``step_unit``, is below this.
 

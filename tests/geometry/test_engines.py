@@ -256,7 +256,7 @@ def test_no_allocation_within_the_loop():
 
 
 def test_memory_above_the_mesh():
-    """580 bytes a vertex for a whole run, topology, checkpoints and best state included; some room is left here."""
+    """580 bytes a vertex for the beginning of a run, topology and best state included; some room is left here."""
     code = (
         "from pathlib import Path; from dataclasses import replace\n"
         "from spherify.geometry.flow import flow; from spherify.geometry.kernels import get_engine\n"

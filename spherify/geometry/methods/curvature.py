@@ -39,7 +39,7 @@ from spherify.geometry.schedule import stage_at
 from spherify.geometry.topology import Topology
 from spherify.geometry.unfolding import Unfolded, evened_out, folds
 
-UNWOUND: Final = (
+STILL_WOUND: Final = (
     "the surface, wound around itself, could not be unwound: the run went back to before that was tried"
 )
 STANDSTILL: Final = "the curvature is the same at every vertex, so the transformation does not move any"
@@ -137,7 +137,7 @@ class CurvatureTransformation:
         if annealing is None or control.phase == Phase.FOLDED:
             return None
         if control.given_up:
-            return UNWOUND if control.waited >= LOOKED_EVERY else None
+            return STILL_WOUND if control.waited >= LOOKED_EVERY else None
         if control.phase == Phase.SPHERE and control.waited >= max(PATIENCES * annealing.patience, WAITED):
             return (
                 f"neither the radius variation, now {progress.shape.radius_variation:.2e}, nor the number of faces "

@@ -55,6 +55,12 @@ describe('afterEvent', () => {
     expect(state.states).toEqual([0, 50, 64]);
     expect(afterEvent(state, { kind: 'status', job })).toBe(state);
   });
+
+  it('forgets at the end what only a former attempt had', () => {
+    const ended = { ...job, rev: 9, done: true, snapshots: { requested: [], available: [0, 10] } };
+    const before = { ...start, states: [0, 10, 20] };
+    expect(afterEvent(before, { kind: 'done', job: ended as unknown as Job }).states).toEqual([0, 10]);
+  });
 });
 
 describe('rows', () => {

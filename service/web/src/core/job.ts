@@ -45,6 +45,7 @@ export function afterEvent(state: RunState, event: RunEvent): RunState {
 export function withJob(state: RunState, job: Job): RunState {
   if (job.rev < state.job.rev) return state;
   const { available } = job.snapshots;
+  if (job.done) return { ...state, job, states: available }; // what only a former attempt had is gone
   const known = new Set(state.states);
   const states = available.every((iteration) => known.has(iteration))
     ? state.states
