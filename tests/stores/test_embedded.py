@@ -31,11 +31,13 @@ sys.stdin.read()
 
 
 def alive(pid: int) -> bool:
+    """Whether a thread of a process is left, which holds its files: the first one may be gone before the others."""
     try:
         state = Path(f"/proc/{pid}/stat").read_text("ascii").rpartition(")")[2].split()[0]
-    except FileNotFoundError:
+        threads = len(list(Path(f"/proc/{pid}/task").iterdir()))
+    except (FileNotFoundError, ProcessLookupError):
         return False
-    return state != "Z"  # reaped by whoever adopted it, in its own time
+    return state != "Z" or threads > 1  # a zombie is reaped by whoever adopted it, in its own time
 
 
 def write(server: EmbeddedServer, value: str) -> None:
