@@ -16,7 +16,7 @@ from service.schemas import job_out
 from service.snapshots import retry_after_s
 from spherify.jobs.model import Job
 
-MOST_BYTES: Final = 6 * 1024 * 1024  # of documents, and of the jobs they are of: some 400 of eight snapshots
+MOST_BYTES: Final = 3 * 1024 * 1024  # of documents, and of the jobs they are of: some 200 of eight snapshots
 _SNAPSHOT_BYTES: Final = 2048  # one takes in memory, about
 
 
