@@ -17,9 +17,9 @@ log = logging.getLogger(__name__)
 def cancel(jobs: JobStore, blobs: BlobStore, job_id: str) -> CancelOutcome:
     """Ask for the end of a job; the snapshots kept so far stay.
 
-    A job that was waiting leaves a ``result.json``, so that it stays cancelled even if its record is lost. A
-    running one stops within two seconds; its worker writes that file, and until then ``cancel.json`` stands for it.
-    Where that file is there already, it counts: an attempt ended the job and did not live to tell the record.
+    ``cancel.json`` says for good that it was asked for, so that it outlives the record and a damaged ``result.json``.
+    A waiting job is settled here; a running one stops within two seconds, and its worker writes how it ended.
+    Where that is written already, it counts: an attempt ended the job and did not live to tell the record.
     """
     result = read_result(blobs, job_id)
     if result is not None:
@@ -28,12 +28,15 @@ def cancel(jobs: JobStore, blobs: BlobStore, job_id: str) -> CancelOutcome:
             publish_result(jobs, claim.token, result)
         return jobs.request_cancel(job_id) if jobs.get(job_id).status.done else CancelOutcome.FINISHED
     outcome = jobs.request_cancel(job_id)
+    if outcome not in {CancelOutcome.CANCELLED, CancelOutcome.CANCELLING}:
+        return outcome
     try:
-        if outcome is CancelOutcome.CANCELLED:
+        with suppress(BlobExistsError):  # asked before
+            blobs.create(layout.cancel(job_id), b"")
+        # Once more: if the record was lost meanwhile, whoever made it anew may not have seen that file.
+        outcome = jobs.request_cancel(job_id)
+        if outcome is not CancelOutcome.CANCELLING:
             settle(jobs, blobs, job_id)
-        elif outcome is CancelOutcome.CANCELLING:
-            with suppress(BlobExistsError):  # asked before
-                blobs.create(layout.cancel(job_id), b"")
     except StorageFullError:
         extra = {"job_id": job_id, "action": "cancel"}
         log.warning("cancelled, but not written: the reconciler or the worker will", extra=extra)

@@ -4,7 +4,7 @@
     jobs/{job}/spec.json                                   before the record
                withdrawn.json                              the record could not be written, and nobody was told of a job
                attempts/{token}.json                       before an attempt begins; swept at the end
-               cancel.json                                 before a running job is told to stop
+               cancel.json                                 before a cancel is answered
                snapshots/{token}-{iteration}.npz           before the snapshot is known; public
                checkpoints/{token}-{iteration}.npz         between snapshots; swept at the end
                result.json                                 before the end is known; the first one wins
@@ -78,7 +78,7 @@ def withdrawn(job_id: str) -> str:
 
 
 def cancel(job_id: str) -> str:
-    """Return the key that says that a running job was to be cancelled."""
+    """Return the key that says that a job was to be cancelled."""
     return f"jobs/{job_id}/cancel.json"
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +13,6 @@ import redis
 
 from spherify.jobs import inventory, layout
 from spherify.jobs.accounts import write_account
-from spherify.jobs.cancel import cancel
 from spherify.jobs.codec import dump_record
 from spherify.jobs.continuation import extension
 from spherify.jobs.delete import delete_job, delete_mesh
@@ -22,45 +21,22 @@ from spherify.jobs.errors import (
     JobNotFoundError,
     KeyReusedError,
     MeshNotFoundError,
-    StorageFullError,
     StoreUnavailableError,
 )
 from spherify.jobs.ids import new_job_id
 from spherify.jobs.inventory import Inventory
 from spherify.jobs.model import JobError, JobSpec, JobStatus, Outcome, Progress, RequestKey, Snapshot
-from spherify.jobs.ports import BlobStat, CancelOutcome
-from spherify.jobs.rebuild import Stock, rebuild, restore_job
+from spherify.jobs.ports import CancelOutcome
+from spherify.jobs.rebuild import Stock, rebuild
 from spherify.jobs.repeats import KEPT_S, Beginning
 from spherify.jobs.results import Result, write_result
 from spherify.jobs.settle import settle
 from spherify.jobs.submit import submit
-from spherify.settings import Settings
 from spherify.stores import keys
-from spherify.stores.blobs import FolderBlobStore
-from spherify.stores.connect import open_stores
-from spherify.stores.embedded import EmbeddedServer
 from tests.jobs.examples import MESH_ID, job_spec, mesh_record
+from tests.jobs.world import submitted
 
 ROWS = [{"iteration": 0, "sphericity": 0.5}, {"iteration": 3, "sphericity": 0.1 + 0.2}]
-
-
-@pytest.fixture
-def stock(server: EmbeddedServer, client: redis.Redis, tmp_path: Path) -> Stock:
-    stores = open_stores(Settings(redis_url=server.url, data_dir=tmp_path))
-    stores.blobs.create(layout.mesh_record(MESH_ID), dump_record(mesh_record()).encode())
-    stores.meshes.add(mesh_record())
-    return stores.stock
-
-
-@pytest.fixture
-def lose(client: redis.Redis) -> Callable[[], object]:
-    return client.flushall
-
-
-def submitted(stock: Stock, **changes: object) -> JobSpec:
-    spec = job_spec(**changes)  # type: ignore[arg-type]
-    submit(stock.jobs, stock.blobs, stock.queue, spec)
-    return spec
 
 
 def ended(stock: Stock, outcome: Outcome, **changes: object) -> JobSpec:
@@ -212,37 +188,6 @@ def test_what_was_deleted_stays_deleted(stock: Stock, lose: Callable[[], object]
     with pytest.raises(MeshNotFoundError):
         stock.meshes.get(other.id)
     assert [job.id for job in stock.jobs.find().items] == [kept.id]
-
-
-def test_a_cancel_that_was_acknowledged_outlives_the_record(stock: Stock, lose: Callable[[], object]) -> None:
-    waiting, running = submitted(stock), submitted(stock)
-    stock.jobs.claim(running.id, "w")
-    assert cancel(stock.jobs, stock.blobs, waiting.id) is CancelOutcome.CANCELLED
-    assert cancel(stock.jobs, stock.blobs, running.id) is CancelOutcome.CANCELLING
-    assert cancel(stock.jobs, stock.blobs, running.id) is CancelOutcome.CANCELLING
-    lose()
-    rebuild(stock)
-    for spec in (waiting, running):
-        job = stock.jobs.get(spec.id)
-        assert (job.status, job.stop_reason) == (JobStatus.CANCELLED, "cancelled")
-        assert stock.blobs.stat(layout.result(spec.id)) is not None
-    assert stock.queue.pending() == []
-
-
-def test_a_cancelled_job_comes_back_where_its_end_finds_no_space(
-    stock: Stock, lose: Callable[[], object], tmp_path: Path
-) -> None:
-    class Full(FolderBlobStore):
-        def create(self, key: str, chunks: bytes | Iterable[bytes]) -> BlobStat:
-            raise StorageFullError(f"there is no space left to store {key}")
-
-    spec = submitted(stock)
-    stock.jobs.claim(spec.id, "w")
-    cancel(stock.jobs, stock.blobs, spec.id)
-    lose()
-    assert restore_job(replace(stock, blobs=Full(tmp_path / "blobs")), spec.id)
-    assert stock.jobs.get(spec.id).status is JobStatus.CANCELLED
-    assert stock.jobs.unsettled() == [spec.id], "the reconciler writes its end"
 
 
 def test_until_everything_is_back_nothing_is_said_to_be_missing(

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from spherify.jobs.model import JobSpec
 from spherify.jobs.rebuild import Stock
+from spherify.jobs.submit import submit
 from spherify.stores.memory import MemoryJobStore
 from spherify.stores.memory_blobs import MemoryBlobStore
 from spherify.stores.memory_meshes import MemoryJobQueue, MemoryMeshStore
 from spherify.stores.memory_repeats import MemoryRepeatStore
+from tests.jobs.examples import job_spec
 
 
 @dataclass
@@ -23,3 +26,10 @@ class World:
     @property
     def stock(self) -> Stock:
         return Stock(self.jobs, self.meshes, self.blobs, self.queue, self.repeats)
+
+
+def submitted(stock: Stock, **changes: object) -> JobSpec:
+    """Submit a job as the service does."""
+    spec = job_spec(**changes)  # type: ignore[arg-type]
+    submit(stock.jobs, stock.blobs, stock.queue, spec)
+    return spec

@@ -1,0 +1,89 @@
+"""What became of a cancel that was acknowledged, when the records are lost and files are damaged."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from spherify.jobs import layout
+from spherify.jobs.cancel import cancel
+from spherify.jobs.errors import StorageFullError
+from spherify.jobs.model import JobStatus
+from spherify.jobs.ports import BlobStat, CancelOutcome, ClaimOutcome
+from spherify.jobs.rebuild import Stock, rebuild, restore_job
+from spherify.jobs.results import read_result
+from spherify.stores.blobs import FolderBlobStore
+from tests.jobs.world import submitted
+
+
+def test_a_cancel_that_was_acknowledged_outlives_the_record(stock: Stock, lose: Callable[[], object]) -> None:
+    waiting, running = submitted(stock), submitted(stock)
+    stock.jobs.claim(running.id, "w")
+    assert cancel(stock.jobs, stock.blobs, waiting.id) is CancelOutcome.CANCELLED
+    assert cancel(stock.jobs, stock.blobs, running.id) is CancelOutcome.CANCELLING
+    assert cancel(stock.jobs, stock.blobs, running.id) is CancelOutcome.CANCELLING
+    lose()
+    rebuild(stock)
+    for spec in (waiting, running):
+        job = stock.jobs.get(spec.id)
+        assert (job.status, job.stop_reason) == (JobStatus.CANCELLED, "cancelled")
+        assert stock.blobs.stat(layout.result(spec.id)) is not None
+    assert stock.queue.pending() == []
+
+
+def test_a_cancelled_job_comes_back_where_its_end_finds_no_space(
+    stock: Stock, lose: Callable[[], object], tmp_path: Path
+) -> None:
+    class Full(FolderBlobStore):
+        def create(self, key: str, chunks: bytes | Iterable[bytes]) -> BlobStat:
+            raise StorageFullError(f"there is no space left to store {key}")
+
+    spec = submitted(stock)
+    stock.jobs.claim(spec.id, "w")
+    cancel(stock.jobs, stock.blobs, spec.id)
+    lose()
+    assert restore_job(replace(stock, blobs=Full(tmp_path / "blobs")), spec.id)
+    assert stock.jobs.get(spec.id).status is JobStatus.CANCELLED
+    assert stock.jobs.unsettled() == [spec.id], "the reconciler writes its end"
+
+
+def test_a_waiting_job_that_was_cancelled_never_runs_though_record_and_result_are_lost(
+    stock: Stock, lose: Callable[[], object], tmp_path: Path
+) -> None:
+    spec = submitted(stock)
+    assert cancel(stock.jobs, stock.blobs, spec.id) is CancelOutcome.CANCELLED
+    (tmp_path / "blobs" / layout.result(spec.id)).write_bytes(b"{")
+    lose()
+    rebuild(stock)
+    assert stock.jobs.get(spec.id).status is JobStatus.CANCELLED
+    assert stock.jobs.claim(spec.id, "w").outcome is ClaimOutcome.DONE
+    result = read_result(stock.blobs, spec.id)
+    assert result is not None
+    assert result.outcome.status is JobStatus.CANCELLED
+
+
+@pytest.mark.parametrize("running", [False, True])
+def test_a_cancel_counts_though_the_record_was_made_anew_before_a_file_said_so(
+    stock: Stock, lose: Callable[[], object], tmp_path: Path, running: bool
+) -> None:
+    class Slow(FolderBlobStore):
+        """Between record and file the server forgets everything, and the reconciler has it all back."""
+
+        def create(self, key: str, chunks: bytes | Iterable[bytes]) -> BlobStat:
+            if key == layout.cancel(spec.id):
+                lose()
+                assert rebuild(stock)
+                assert stock.jobs.get(spec.id).status is JobStatus.ACCEPTED
+            return super().create(key, chunks)
+
+    spec = submitted(stock)
+    if running:
+        stock.jobs.claim(spec.id, "w")
+    assert cancel(stock.jobs, Slow(tmp_path / "blobs"), spec.id) is CancelOutcome.CANCELLED
+    assert stock.jobs.get(spec.id).status is JobStatus.CANCELLED
+    lose()
+    rebuild(stock)
+    assert stock.jobs.get(spec.id).status is JobStatus.CANCELLED
