@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 from spherify.jobs.errors import (
     InvalidCursorError,
@@ -18,9 +18,7 @@ from spherify.jobs.errors import (
 )
 from spherify.jobs.ids import is_job_id
 from spherify.jobs.model import (
-    LEGAL_MOVES,
     Job,
-    JobError,
     JobSpec,
     JobStatus,
     MeshRecord,
@@ -29,29 +27,16 @@ from spherify.jobs.model import (
     Snapshot,
 )
 from spherify.jobs.ports import CancelOutcome, Claim, ClaimOutcome, Kept, Page, Renewal
-
-_AT_WORK = (JobStatus.RUNNING, JobStatus.CANCELLING)
-
-
-@dataclass
-class _Entry:
-    job: Job
-    queued_at: float
-    rows: dict[float, dict[str, float | int]] = field(default_factory=dict)
-    committed: tuple[int, Outcome] | None = None
-    sealed: bool = False
-    claimant: str = ""
-    claimed_at: float | None = None
-    spent_s: float = 0.0
+from spherify.stores.memory_entry import AT_WORK, Entry
 
 
 class MemoryJobStore:
-    """Job records in a dictionary under one lock; every move is checked against `LEGAL_MOVES`."""
+    """Job records in a dictionary under one lock."""
 
     def __init__(
         self, *, lease_s: float = 30.0, max_losses: int = 3, clock: Callable[[], float] = time.time
     ) -> None:
-        self._entries: dict[str, _Entry] = {}
+        self._entries: dict[str, Entry] = {}
         self._gone: set[str] = set()
         self._unsettled: set[str] = set()
         self.meshes: dict[str, MeshRecord] = {}
@@ -67,7 +52,7 @@ class MemoryJobStore:
             if spec.id not in self._entries and spec.id not in self._gone:
                 if spec.mesh_id not in self.meshes:
                     raise MeshNotFoundError(f"there is no mesh {spec.mesh_id}")
-                self._entries[spec.id] = _Entry(Job(spec), self._clock())
+                self._entries[spec.id] = Entry(Job(spec), self._clock())
             return self.get(spec.id)
 
     def get(self, job_id: str, known: Job | None = None) -> Job:
@@ -159,11 +144,11 @@ class MemoryJobStore:
             entry = self._entries.get(job_id)
             if entry is None or entry.job.status.done:
                 return Claim(ClaimOutcome.DONE)
-            if entry.job.status in _AT_WORK:
-                if self._leased(entry) and claimant and entry.claimant == claimant:
+            if entry.job.status in AT_WORK:
+                if entry.leased(self._clock()) and claimant and entry.claimant == claimant:
                     entry.job = replace(entry.job, lease_until=self._clock() + self._lease_s)
-                    return self._claimed(entry)
-                if self._leased(entry):
+                    return entry.claimed
+                if entry.leased(self._clock()):
                     return Claim(ClaimOutcome.LEASED)
                 after = self._lose(entry)
                 if after is not JobStatus.ACCEPTED:
@@ -179,7 +164,7 @@ class MemoryJobStore:
                 lease_until=self._clock() + self._lease_s,
             )
             entry.claimant, entry.claimed_at = claimant, self._clock()
-            return self._claimed(entry)
+            return entry.claimed
 
     def renew(self, job_id: str, token: int) -> Renewal:
         """Extend the lease, and learn whether to go on."""
@@ -278,7 +263,7 @@ class MemoryJobStore:
             overdue = [
                 entry
                 for entry in self._entries.values()
-                if entry.job.status in _AT_WORK and not self._leased(entry)
+                if entry.job.status in AT_WORK and not entry.leased(self._clock())
             ]
             overdue.sort(key=lambda entry: entry.job.lease_until or 0.0)
             free = self._lose if counted else self._hand_on
@@ -341,7 +326,7 @@ class MemoryJobStore:
             if not self.unknown([job.id]):
                 return False
             fresh = max(round(self._clock() * 1000), job.token + 1)
-            entry = _Entry(replace(job, token=fresh, rev=fresh), job.spec.created_at)
+            entry = Entry(replace(job, token=fresh, rev=fresh), job.spec.created_at)
             entry.rows.update({row["iteration"]: dict(row) for row in rows})
             entry.spent_s = spent_s
             self._entries[job.id] = entry
@@ -354,47 +339,20 @@ class MemoryJobStore:
         if seconds > 0:
             self._gone.add(job_id)
 
-    @staticmethod
-    def _claimed(entry: _Entry) -> Claim:
-        job = entry.job
-        return Claim(ClaimOutcome.CLAIMED, job.token, entry.spent_s, job.attempt, job.losses)
-
-    def _held(self, job_id: str, token: int) -> _Entry | None:
+    def _held(self, job_id: str, token: int) -> Entry | None:
         entry = self._entries.get(job_id)
-        at_work = entry is not None and entry.job.status in _AT_WORK and entry.job.token == token
-        return entry if at_work else None
+        return entry if entry is not None and entry.held(token) else None
 
-    def _leased(self, entry: _Entry) -> bool:
-        return entry.job.lease_until is not None and entry.job.lease_until > self._clock()
+    def _hand_on(self, entry: Entry) -> JobStatus:
+        return self._moved(entry, entry.hand_on(self._clock()))
 
-    def _hand_on(self, entry: _Entry) -> JobStatus:
-        if entry.job.status is JobStatus.CANCELLING:
-            self._move(entry, JobStatus.CANCELLED, stop_reason="cancelled")
-        else:
-            self._move(entry, JobStatus.ACCEPTED)
-        return entry.job.status
+    def _lose(self, entry: Entry) -> JobStatus:
+        return self._moved(entry, entry.lose(self._clock(), self._max_losses))
 
-    def _lose(self, entry: _Entry) -> JobStatus:
-        losses = entry.job.losses + 1
-        if entry.job.status is JobStatus.CANCELLING:
-            self._move(entry, JobStatus.CANCELLED, stop_reason="cancelled")
-        elif losses > self._max_losses:
-            error = JobError("worker-lost", f"its worker was lost {losses} times")
-            self._move(entry, JobStatus.FAILED, losses=losses, error=error)
-        else:
-            self._move(entry, JobStatus.ACCEPTED, losses=losses)
-        return entry.job.status
+    def _move(self, entry: Entry, to: JobStatus, **changes: object) -> None:
+        self._moved(entry, entry.move(to, self._clock(), **changes))
 
-    def _move(self, entry: _Entry, to: JobStatus, **changes: object) -> None:
-        if to not in LEGAL_MOVES[entry.job.status]:
-            raise AssertionError(f"{entry.job.status} → {to} is no legal move")
+    def _moved(self, entry: Entry, to: JobStatus) -> JobStatus:
         if to.done:
-            changes["finished_at"] = self._clock()
             self._unsettled.add(entry.job.id)
-        if to not in _AT_WORK:
-            changes.update(lease_until=None, worker=None)
-            entry.sealed = False
-            if entry.claimed_at is not None:
-                entry.spent_s += self._clock() - entry.claimed_at
-                entry.claimed_at = None
-        entry.job = replace(entry.job, status=to, rev=entry.job.rev + 1, **changes)  # type: ignore[arg-type] # fields of Job, checked by replace
+        return to
