@@ -2,6 +2,7 @@
 
 order      everything the runner needs to know
 ready      pid: signals are heard from now on
+anew       what stays of all that earlier attempts told, where their states cannot be gone on from
 snapshot   a file is durable
 report     progress, and rows since the last report
 end        the outcome; everything is durable

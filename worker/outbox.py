@@ -8,7 +8,7 @@ from typing import Any
 
 from spherify.jobs.codec import load_progress, load_snapshot
 from spherify.jobs.model import Progress, Snapshot
-from spherify.jobs.ports import JobStore
+from spherify.jobs.ports import JobStore, Kept
 from spherify.jobs.rows import Row
 
 
@@ -21,14 +21,17 @@ class Outbox:
         self._token = token
         self._snapshots: dict[int, Snapshot] = {}
         self._rows: dict[int, Row] = {}
+        self._unsent_kept: Kept | None = None
         self._unsent_snapshots: list[Snapshot] = []
         self._unsent_rows: list[Row] = []
         self._unsent_progress: Progress | None = None
         self._progress: Progress | None = None
 
     def take_in(self, event: Mapping[str, Any]) -> None:
-        """Remember the content of a ``snapshot`` or ``report``."""
-        if event["event"] == "snapshot":
+        """Remember the content of a ``snapshot``, ``report`` or ``anew``."""
+        if event["event"] == "anew":
+            self._unsent_kept = Kept(frozenset(event["snapshots"]), frozenset(event["rows"]))
+        elif event["event"] == "snapshot":
             snapshot = load_snapshot(event["snapshot"])
             self._snapshots[snapshot.iteration] = snapshot
             self._unsent_snapshots.append(snapshot)
@@ -57,6 +60,10 @@ class Outbox:
 
     def flush(self) -> bool:
         """Record what is not yet; False if the attempt is not the present one. Raises `StoreUnavailableError`."""
+        if self._unsent_kept is not None:  # before anything of our own
+            if not self._jobs.disown(self._job_id, self._token, self._unsent_kept):
+                return False
+            self._unsent_kept = None
         if self._unsent_progress is not None:  # first: it is never behind the newest snapshot
             if not self._jobs.report(self._job_id, self._token, self._unsent_progress, self._unsent_rows):
                 return False

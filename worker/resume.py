@@ -33,6 +33,11 @@ class Resumption:
     arrays: Mapping[str, NDArray[Any]] | None
     snapshots: tuple[Snapshot, ...]
 
+    @property
+    def rows(self) -> list[Row]:
+        """The time series up to that state."""
+        return [] if self.arrays is None or ROWS not in self.arrays else rows_to_list(self.arrays[ROWS])
+
 
 def find_resumption(
     blobs: BlobStore, job_id: str, plan: SnapshotPlan, foreign: Collection[bytes] = ()

@@ -56,6 +56,8 @@ class PipeSink:
 
     Attributes:
         earlier: snapshots of earlier attempts that this one goes on from; told before anything of its own.
+        anew: what stays of all that earlier attempts told, where some were of a run that nobody can go on with;
+            told before that.
 
     """
 
@@ -63,6 +65,7 @@ class PipeSink:
         self.blobs = blobs
         self.order = order
         self.earlier: tuple[Snapshot, ...] = ()
+        self.anew: dict[str, list[int]] | None = None
         self._pipe = pipe
 
     def snapshot(self, kept: Kept) -> None:
@@ -89,6 +92,9 @@ class PipeSink:
 
     def send(self, event: str, **content: object) -> None:
         """Write one event and flush it."""
+        if self.anew is not None:
+            self._pipe.write(event_line("anew", **self.anew))
+        self.anew = None
         for snapshot in self.earlier:
             self._pipe.write(event_line("snapshot", snapshot=asdict(snapshot)))
         self.earlier = ()
@@ -145,6 +151,11 @@ def _run(mesh: TriangleMesh, spec: JobSpec, sink: PipeSink, told: list[Stop]) ->
     while True:  # as often as there are versions whose files it has
         found = find_resumption(sink.blobs, spec.id, plan, foreign)
         sink.earlier = found.snapshots
+        if foreign:
+            sink.anew = {
+                "snapshots": [snapshot.iteration for snapshot in found.snapshots],
+                "rows": [int(row["iteration"]) for row in found.rows],
+            }
         engine = engine_for(
             mesh, config, found.arrays, engine=sink.order.engine, threads=sink.order.threads, say=_note
         )

@@ -249,7 +249,7 @@ class _Attempt:
             self._ready = True
             self._boss.started(True)
             self._ending.say(logging.INFO, "start", f"under token {self._token}, process {event['pid']}")
-        elif event["event"] in {"snapshot", "report"}:
+        elif event["event"] in {"anew", "snapshot", "report"}:
             self._ending.outbox.take_in(event)
             self._look_at = 0.0  # tell it at once
         else:

@@ -223,6 +223,10 @@ class JobStore(Protocol):
         """Hand a job on without counting a loss: accepted again, next in the queue."""
         ...
 
+    def disown(self, job_id: str, token: int, kept: Kept) -> bool:
+        """Forget what former attempts told but for this: the present one does not go on from the rest."""
+        ...
+
     def lose(self, job_id: str, token: int) -> bool:
         """Give a job up whose runner died, counting a loss; whether it is to be sent again."""
         ...

@@ -211,6 +211,16 @@ class MemoryJobStore:
                 self._hand_on(entry)
             return entry is not None
 
+    def disown(self, job_id: str, token: int, kept: Kept) -> bool:
+        """Forget what former attempts told but for this: the present one does not go on from the rest."""
+        with self._lock:
+            entry = self._held(job_id, token)
+            if entry is None:
+                return False
+            entry.keep(kept)
+            entry.job = replace(entry.job, rev=entry.job.rev + 1)
+            return True
+
     def lose(self, job_id: str, token: int) -> bool:
         """Give a job up whose runner died, counting a loss; whether it is to be sent again."""
         with self._lock:
@@ -239,9 +249,7 @@ class MemoryJobStore:
                 return False
             entry.committed = (token, outcome)
             if kept is not None:
-                snapshots = tuple(s for s in entry.job.snapshots if s.iteration in kept.snapshots)
-                entry.job = replace(entry.job, snapshots=snapshots)
-                entry.rows = {i: row for i, row in entry.rows.items() if i in kept.rows}
+                entry.keep(kept)
             cancelled = entry.job.status is JobStatus.CANCELLING
             self._move(
                 entry,

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 from spherify.jobs.model import LEGAL_MOVES, Job, JobError, JobStatus, Outcome
-from spherify.jobs.ports import Claim, ClaimOutcome
+from spherify.jobs.ports import Claim, ClaimOutcome, Kept
 
 AT_WORK: Final = (JobStatus.RUNNING, JobStatus.CANCELLING)
 
@@ -48,6 +48,12 @@ class Entry:
     def leased(self, now: float) -> bool:
         """Whether somebody holds it whose lease has not run out."""
         return self.job.lease_until is not None and self.job.lease_until > now
+
+    def keep(self, kept: Kept) -> None:
+        """Forget the snapshots and rows that are not among these."""
+        snapshots = tuple(s for s in self.job.snapshots if s.iteration in kept.snapshots)
+        self.job = replace(self.job, snapshots=snapshots)
+        self.rows = {i: row for i, row in self.rows.items() if i in kept.rows}
 
     def hand_on(self, now: float) -> JobStatus:
         """Let it wait again, or end as cancelled if that was asked; returns the new state."""

@@ -182,6 +182,11 @@ class RedisJobStore:
         """Hand a job on without counting a loss: accepted again, next in the queue."""
         return bool(self._run("release", job_id, [token]))
 
+    def disown(self, job_id: str, token: int, kept: Kept) -> bool:
+        """Forget what former attempts told but for this: the present one does not go on from the rest."""
+        more_keys = [keys.snapshots(job_id), keys.rows(job_id)]
+        return bool(self._run("disown", job_id, [token, _named(kept)], more_keys=more_keys))
+
     def lose(self, job_id: str, token: int) -> bool:
         """Give a job up whose runner died, counting a loss; whether it is to be sent again."""
         return bool(self._run("lose", job_id, [token, self._max_losses]) == JobStatus.ACCEPTED)
@@ -192,7 +197,7 @@ class RedisJobStore:
 
     def commit(self, job_id: str, token: int, outcome: Outcome, kept: Kept | None = None) -> bool:
         """End a job, once, with the snapshots and rows kept only; the same again is True and changes nothing."""
-        stay = "" if kept is None else dumps([[str(i) for i in kept.snapshots], [str(i) for i in kept.rows]])
+        stay = "" if kept is None else _named(kept)
         args = [token, outcome.status, dump_record(outcome), stay, *fields_of(outcome)]
         more_keys = [keys.snapshots(job_id), keys.rows(job_id)]
         return bool(self._run("commit", job_id, args, more_keys=more_keys))
@@ -304,6 +309,11 @@ class RedisJobStore:
             if len(ids) < at_once:
                 return
             before, at_once = f"({ids[-1]}", _CHUNK
+
+
+def _named(kept: Kept) -> str:
+    """Return the iterations that stay as the scripts read them."""
+    return dumps([[str(i) for i in kept.snapshots], [str(i) for i in kept.rows]])
 
 
 def _revision(known: Job | None, job_id: str) -> int | str:

@@ -102,6 +102,25 @@ def test_a_commit_keeps_what_it_names_of_all_that_former_attempts_left(jobs: Job
     assert len(jobs.get(job_id).snapshots) == 2, "a repetition changes nothing"
 
 
+def test_what_the_present_attempt_does_not_go_on_from_is_disowned(jobs: JobStore) -> None:
+    job_id, former = running(jobs)
+    jobs.report(job_id, former, Progress(6, 9), [{"iteration": i, "sphericity": 0.5} for i in (0, 3, 6)])
+    for iteration in (0, 3, 6):
+        jobs.add_snapshot(job_id, former, snapshot(iteration))
+    jobs.lose(job_id, former)
+    token = jobs.claim(job_id, "w").token
+    kept = Kept(frozenset({3}), frozenset({0, 3}))
+    assert not jobs.disown(job_id, former, kept)
+    before = jobs.get(job_id)
+    assert jobs.disown(job_id, token, kept)
+    after = jobs.get(job_id)
+    assert [s.iteration for s in after.snapshots] == [3]
+    assert [row["iteration"] for row in jobs.metrics(job_id)] == [0, 3]
+    assert after.rev > before.rev
+    assert jobs.disown(job_id, token, Kept(frozenset(), frozenset()))
+    assert jobs.get(job_id).snapshots == ()
+
+
 def test_a_commit_ends_the_job_once(jobs: JobStore) -> None:
     job_id, token = running(jobs)
     assert jobs.commit(job_id, token, DONE)

@@ -17,6 +17,7 @@ from hypothesis.stateful import (
 )
 
 from spherify.jobs.model import LEGAL_MOVES, Job, JobStatus, Outcome, Progress, Snapshot
+from spherify.jobs.ports import Kept
 from spherify.stores import keys
 from spherify.stores.memory import MemoryJobStore
 from spherify.stores.memory_meshes import MemoryMeshStore
@@ -70,6 +71,11 @@ def test_every_life_of_a_job_is_the_same_in_both_stores(client: redis.Redis) -> 
                 assert getattr(self.real, call)(job_id, token, *args) == getattr(self.twin, call)(
                     job_id, token, *args
                 )
+
+        @rule(job_id=ids, token=st.integers(1, 4), kept=st.sets(st.integers(0, 3)))
+        def disown(self, job_id: str, token: int, kept: set[int]) -> None:
+            stay = Kept(frozenset(kept), frozenset(kept - {1}))
+            assert self.real.disown(job_id, token, stay) == self.twin.disown(job_id, token, stay)
 
         @rule(job_id=ids, token=st.integers(1, 4), call=st.sampled_from(["release", "lose"]))
         def give_up(self, job_id: str, token: int, call: str) -> None:

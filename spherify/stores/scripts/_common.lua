@@ -70,3 +70,14 @@ local function lose(max_losses)
   end
   return hand_on()
 end
+
+-- Of what attempts told, only what is named stays. KEYS: 6 snapshots, 7 rows. Takes the iterations of both, two JSON lists.
+local function keep(named)
+  for i, iterations in ipairs(cjson.decode(named)) do
+    local kept = {}
+    for _, iteration in ipairs(iterations) do kept[iteration] = true end
+    for _, iteration in ipairs(redis.call('HKEYS', KEYS[5 + i])) do
+      if not kept[iteration] then redis.call('HDEL', KEYS[5 + i], iteration) end
+    end
+  end
+end

@@ -4,15 +4,7 @@
 if field('committed') == ARGV[2] .. ARGV[4] then return 1 end
 if not held(ARGV[2]) then return 0 end
 for i = 6, #ARGV, 2 do redis.call('HSET', JOB, ARGV[i], ARGV[i + 1]) end
-if ARGV[5] ~= '' then -- what former attempts left and the end does not name goes
-  for i, iterations in ipairs(cjson.decode(ARGV[5])) do
-    local kept = {}
-    for _, iteration in ipairs(iterations) do kept[iteration] = true end
-    for _, iteration in ipairs(redis.call('HKEYS', KEYS[5 + i])) do
-      if not kept[iteration] then redis.call('HDEL', KEYS[5 + i], iteration) end
-    end
-  end
-end
+if ARGV[5] ~= '' then keep(ARGV[5]) end -- what former attempts left and the end does not name goes
 redis.call('HSET', JOB, 'committed', ARGV[2] .. ARGV[4])
 if field('status') == 'cancelling' then
   redis.call('HDEL', JOB, 'error', 'stop_detail', 'result_iteration')
