@@ -20,11 +20,16 @@ export class HomeView implements View {
   private stage: Stage | null = null;
   private gallery: readonly Job[] = [];
   private looked = false;
-  private timer: ReturnType<typeof setTimeout> | undefined;
+  /** Ends listening to the list of runs. */
+  private readonly deaf: () => void;
+  private loading = false;
   private closed = false;
   private building: string | null = null;
 
   constructor(private readonly context: Context) {
+    this.deaf = context.jobs.onChange(() => {
+      if (!this.whole) void this.load(); // the list is asked for again and again, and rests while nobody looks
+    });
     void this.load();
     void this.prepare();
   }
@@ -48,7 +53,7 @@ export class HomeView implements View {
 
   close(): void {
     this.closed = true;
-    clearTimeout(this.timer);
+    this.deaf();
     this.stage?.close();
   }
 
@@ -167,22 +172,33 @@ export class HomeView implements View {
     await import('./mesh').catch(() => undefined); // if it fails it is said when it is wanted
   }
 
-  /** Look for the gallery until all of it is there. */
+  /** Whether each of the shapes has a run in the gallery, and all of them have ended; one is made after the other. */
+  private get whole(): boolean {
+    const named = new Set(this.gallery.map((job) => job.name));
+    const { samples } = this.context.catalogue;
+    return (
+      samples.length > 0 &&
+      samples.every(({ name }) => named.has(name)) &&
+      this.gallery.every((job) => job.done)
+    );
+  }
+
   private async load(): Promise<void> {
+    if (this.loading) return;
+    this.loading = true;
     try {
       const { items } = await this.context.api.jobs({ tag: GALLERY }, 20);
       this.gallery = [...items].reverse();
     } catch {
-      this.gallery = []; // the page says elsewhere that nothing answers, and this is tried again
+      // the page says elsewhere that nothing answers, and this is tried again
     }
+    this.loading = false;
     this.looked = true;
     if (this.closed) return;
     const star =
       this.gallery.find((job) => job.done && job.name === 'quadruped') ??
       this.gallery.find((job) => job.done);
     if (star && !this.stage) void this.play(star);
-    if (this.gallery.length === 0 || this.gallery.some((job) => !job.done))
-      this.timer = setTimeout(() => void this.load(), 2500);
     this.context.refresh();
   }
 

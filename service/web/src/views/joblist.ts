@@ -55,7 +55,8 @@ export class JobList extends Emitter {
     }
     this.changed();
     if (document.hidden) return;
-    const usual = this.jobs.some((job) => !job.done) ? BUSY_MS : IDLE_MS;
+    const none = this.jobs.length === 0 && this.status === null && this.tag === null; // a gallery may be on its way
+    const usual = none || this.jobs.some((job) => !job.done) ? BUSY_MS : IDLE_MS;
     const wait = this.problem?.waitMs(BUSY_MS) ?? usual;
     this.timer = setTimeout(() => void this.load(), wait);
   }
