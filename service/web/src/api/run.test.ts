@@ -3,7 +3,7 @@ import type { Api } from './client';
 import { unreachable } from './problem';
 import { Run } from './run';
 import { Stream } from './teststream';
-import type { Job } from './types';
+import type { Job, Row } from './types';
 
 /** What of the browser's document a run looks at. */
 class Page extends EventTarget {
@@ -21,6 +21,7 @@ const job = (done: boolean): Job =>
 let page: Page;
 let answer: () => Promise<Job>;
 let asked: number;
+let series: () => Promise<{ rows: readonly Row[] }>;
 
 /** A run of an API that answers as the test says. */
 function begun(): Run {
@@ -29,7 +30,7 @@ function begun(): Run {
       asked += 1;
       return answer();
     },
-    metrics: () => Promise.resolve({ rows: [] }),
+    metrics: () => series(),
   };
   return new Run(api as unknown as Api, 'job_1');
 }
@@ -38,6 +39,7 @@ beforeEach(() => {
   vi.useFakeTimers();
   page = new Page();
   asked = 0;
+  series = () => Promise.resolve({ rows: [] });
   vi.stubGlobal('document', page);
   vi.stubGlobal('EventSource', Stream);
   vi.stubGlobal('requestAnimationFrame', vi.fn());
@@ -79,4 +81,25 @@ test('a run that cannot be read is asked for again, by one chain alone, and only
   page.turn(false);
   await vi.advanceTimersByTimeAsync(2000);
   expect(asked).toBe(5);
+});
+
+test('the series that was asked for at the end is the last word, however late an earlier one comes', async () => {
+  const rows = (last: number): { rows: Row[] } => ({ rows: [{ iteration: 0 }, { iteration: last }] });
+  let late: (answer: { rows: Row[] }) => void = () => undefined;
+  answer = () => Promise.resolve(job(false));
+  series = () =>
+    new Promise((resolve) => {
+      late = resolve;
+    });
+  const run = begun();
+  await vi.advanceTimersByTimeAsync(0);
+  series = () => Promise.reject(unreachable());
+  Stream.made[0]?.tells('done', job(true));
+  await vi.advanceTimersByTimeAsync(0);
+  series = () => Promise.resolve(rows(20)); // asked for until it is there
+  await vi.advanceTimersByTimeAsync(4000);
+  late(rows(40)); // what a former attempt had reached
+  await vi.advanceTimersByTimeAsync(60_000);
+  expect(run.state?.rows.map((row) => row.iteration)).toEqual([0, 20]);
+  expect(vi.getTimerCount()).toBe(0);
 });

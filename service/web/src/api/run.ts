@@ -20,6 +20,7 @@ export class Run extends Emitter {
   private follow: Follow | null = null;
   private timer: ReturnType<typeof setTimeout> | undefined;
   private closed = false;
+  private asked = 0; // how often the series was asked for
 
   constructor(
     private readonly api: Api,
@@ -100,17 +101,20 @@ export class Run extends Emitter {
   /** Fetch the whole time series: events bring two rows a second, and the service has more. */
   private async series(): Promise<void> {
     clearTimeout(this.timer);
-    const done = this.state?.job.done ?? true;
+    let complete = this.state?.job.done ?? true;
+    const asked = ++this.asked;
     try {
       const { rows } = await this.api.metrics(this.id);
+      if (asked !== this.asked) return; // a newer answer has come or will
       if (this.state !== null && !this.isClosed()) {
         this.state = withRows(this.state, rows);
         this.changed();
       }
     } catch (thrown) {
-      if (!asProblem(thrown).passing) return; // deleted: the record tells
+      if (asked !== this.asked || !asProblem(thrown).passing) return; // deleted: the record tells
+      complete = false;
     }
-    if (!done) this.later(() => this.series(), SERIES_MS);
+    if (!complete) this.later(() => this.series(), SERIES_MS);
   }
 
   /** Do something in a while, and that alone, unless nobody looks by now: `look` begins again. */

@@ -7,13 +7,18 @@ export class Stream {
   readyState = Stream.CONNECTING;
   onopen: () => void = () => undefined;
   onerror: () => void = () => undefined;
+  private readonly listeners = new Map<string, (message: { data: string }) => void>();
 
   constructor(readonly url: string) {
     Stream.made.push(this);
   }
 
-  addEventListener(): void {
-    // no event comes by it
+  addEventListener(name: string, hear: (message: { data: string }) => void): void {
+    this.listeners.set(name, hear);
+  }
+
+  tells(name: string, data: unknown): void {
+    this.listeners.get(name)?.({ data: JSON.stringify(data) });
   }
 
   close(): void {

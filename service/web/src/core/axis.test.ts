@@ -8,7 +8,9 @@ const written = (least: number, most: number): string[] => {
 
 describe('an axis', () => {
   it('has round values between its ends', () => {
-    expect(written(0.55, 1)).toEqual(['0.6', '0.7', '0.8', '0.9', '1']);
+    expect(written(0.55, 1)).toEqual(['0.6', '0.7', '0.8', '0.9', '1.0']);
+    expect(written(0.9, 1)).toEqual(['0.90', '0.95', '1.00']);
+    expect(written(-0.2, 0.2)).toEqual(['−0.2', '−0.1', '0.0', '0.1', '0.2']);
     expect(written(0, 38)).toEqual(['0', '10', '20', '30', '40']);
   });
 
@@ -27,7 +29,7 @@ describe('an axis', () => {
     expect(low).toBeLessThan(0.02);
     expect(high).toBeGreaterThan(0.02);
     expect(place(0.02)).toBeCloseTo(0.5);
-    expect(written(0, 0)).toContain('0');
+    expect(written(0, 0)).toContain('0.0');
   });
 
   it('takes values that differ by rounding alone for one', () => {

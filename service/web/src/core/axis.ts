@@ -1,4 +1,4 @@
-import { figure } from './format';
+import { figure, fixed } from './format';
 
 /** The upright axis of a chart. */
 export interface Axis {
@@ -6,13 +6,14 @@ export interface Axis {
   readonly high: number;
   /** Round values within, ascending. */
   readonly ticks: readonly number[];
-  /** Write one with as many digits as tell it from the others. */
+  /** Write one with as many digits as tell it from the others, the same number for all. */
   readonly write: (tick: number) => string;
   /** Where a value lies, from 0 at the lowest to 1 at the highest. */
   readonly place: (value: number) => number;
 }
 
 const ROOM = 0.06; // above and below, as a share of what lies between
+const [LEAST_PLAIN, MOST_PLAIN] = [1e-3, 1e6]; // beyond them all labels are powers of ten
 const SAME = 1e-12; // values that differ by less, as a share of their size, differ by rounding alone
 
 /** Return an axis for values from `least` to `most`, with some `count` round ones to write beside it. */
@@ -28,12 +29,15 @@ export function axisOf(least: number, most: number, count = 4): Axis {
   const [begin, end] = [Math.ceil(low / step), Math.floor(high / step)];
   for (let n = begin; n <= end; n++) ticks.push(n * step);
   const largest = Math.max(Math.abs(low), Math.abs(high));
-  const digits = Math.floor(Math.log10(largest)) - Math.floor(Math.log10(step)) + 1;
+  const finest = Math.floor(Math.log10(step * (1 + SAME)));
+  const digits = Math.floor(Math.log10(largest)) - finest + 1;
+  const plain = largest >= LEAST_PLAIN && largest < MOST_PLAIN;
   return {
     low,
     high,
     ticks,
-    write: (tick) => figure(tick, digits + 1), // a power of ten is written with one digit less
+    // `figure` writes a power of ten with one digit less
+    write: (tick) => (plain ? fixed(tick, Math.max(0, -finest)) : figure(tick, digits + 1)),
     place: (value) => (value - low) / (high - low),
   };
 }

@@ -18,6 +18,7 @@ describe('numbers', () => {
 
   it('never rounds a sphericity up to 1', () => {
     expect(share(0.5)).toBe('0.5000');
+    expect(share(0.99932)).toBe('0.99932');
     expect(share(0.999999)).toBe('0.99999');
     expect(share(1)).toBe('1.0000');
     expect(share(undefined)).toBe('–');

@@ -22,10 +22,16 @@ export function figure(value: number | null | undefined, digits = 4): string {
   return sign(String(Number(value.toPrecision(digits))));
 }
 
-/** A share of one, such as a sphericity, to four places; what is not quite 1 never reads 1. */
+/** A number with so many decimals, zeros at its end included. */
+export function fixed(value: number, decimals: number): string {
+  const text = value.toFixed(decimals);
+  return Number(text) === 0 ? text.replace('-', '') : sign(text);
+}
+
+/** A share of one, such as a sphericity, to four places, near 1 to five; what is not quite 1 never reads 1. */
 export function share(value: number | null | undefined): string {
   if (value === null || value === undefined || !Number.isFinite(value)) return '–';
-  const places = value > 0.9995 && value < 1 ? 5 : 4;
+  const places = value > 0.995 && value < 1 ? 5 : 4;
   return (value < 1 ? Math.min(value, 1 - 10 ** -places) : value).toFixed(places);
 }
 

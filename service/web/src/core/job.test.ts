@@ -69,6 +69,11 @@ describe('rows', () => {
     expect(state.rows.map((one) => one.iteration)).toEqual([0, 1, 2, 8, 40]);
   });
 
+  it('of a former attempt are forgotten when the run has ended', () => {
+    const ended = { ...start, job: { ...job, done: true }, rows: [row(0), row(8), row(40)] };
+    expect(withRows(ended, [row(0), row(8)]).rows.map((one) => one.iteration)).toEqual([0, 8]);
+  });
+
   it('are found by iteration', () => {
     const rows = [row(0), row(10), row(20)];
     expect(figuresAt(rows, 15)?.iteration).toBe(10);

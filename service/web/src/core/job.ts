@@ -53,8 +53,12 @@ export function withJob(state: RunState, job: Job): RunState {
   return { ...state, job, states };
 }
 
-/** Put a whole time series in the place of what was gathered from events, and keep what is newer than it. */
+/**
+ * Put a whole time series in the place of what was gathered from events, and keep what is newer than it while the run
+ * goes on. After its end the series is complete: what goes beyond it, only a former attempt had.
+ */
 export function withRows(state: RunState, rows: readonly Row[]): RunState {
+  if (state.job.done) return { ...state, rows };
   const last = rows.at(-1)?.iteration ?? -1;
   return { ...state, rows: [...rows, ...state.rows.filter((row) => row.iteration > last)] };
 }

@@ -2,6 +2,7 @@ import { html, render, type TemplateResult } from 'lit-html';
 import type { Row } from '../api/types';
 import { axisOf, type Axis } from '../core/axis';
 import { count, figure } from '../core/format';
+import { figuresAt } from '../core/job';
 import { MEANING } from '../core/meaning';
 import { ticks, type Scale } from '../core/scale';
 import { at } from './place';
@@ -39,11 +40,17 @@ export class Chart {
   readonly element = document.createElement('div');
   private chosen = 0;
   private rows: readonly Row[] = [];
+  private axis: Axis | null = null;
   private scale: Scale | null = null;
   private timer: ReturnType<typeof setTimeout> | undefined;
+  /** The iteration under the pointer; null if it is elsewhere. */
+  private pointed: number | null = null;
+  /** What is read off there. It is no part of the drawing either. */
+  private readonly reading = document.createElement('div');
 
   constructor(private readonly seek: (iteration: number) => void) {
     this.element.className = 'chart';
+    this.reading.className = 'reading';
     this.draw();
   }
 
@@ -87,6 +94,7 @@ export class Chart {
         ${this.plot()}`,
       this.element,
     );
+    this.read();
   };
 
   private plot(): TemplateResult {
@@ -101,7 +109,7 @@ export class Chart {
     });
     if (points.length === 0) return html`<div class="plot empty">This run has no such figure.</div>`;
     const values = points.map(({ value }) => value);
-    const axis = axisOf(Math.min(...values), Math.max(...values));
+    const axis = (this.axis = axisOf(Math.min(...values), Math.max(...values)));
     const below = ticks(scale, 4);
     const line = points.map(
       ({ place, value }, i) => `${i === 0 ? 'M' : 'L'}${across(place)} ${down(axis, value)}`,
@@ -111,7 +119,13 @@ export class Chart {
       ...below.map((tick) => `M${across(scale.place(tick))} 0V${SIDE}`),
     ];
     return html`<div class="plot">
-      <div class="area" @click=${this.press}>
+      <div
+        class="area"
+        @click=${this.press}
+        @pointermove=${this.point}
+        @pointerleave=${this.point}
+        @pointercancel=${this.point}
+      >
         <svg
           viewBox="0 0 ${SIDE} ${SIDE}"
           preserveAspectRatio="none"
@@ -122,6 +136,7 @@ export class Chart {
           <path class="curve" d=${line.join('')} />
         </svg>
         <div class="here"></div>
+        ${this.reading}
       </div>
       <div class="up">
         ${axis.ticks.map((tick) => html`<span ${at(1 - axis.place(tick))}>${axis.write(tick)}</span>`)}
@@ -133,9 +148,36 @@ export class Chart {
   }
 
   private readonly press = (event: MouseEvent): void => {
-    const box = (event.currentTarget as HTMLElement).getBoundingClientRect();
-    if (this.scale) this.seek(this.scale.iteration((event.clientX - box.left) / box.width));
+    const iteration = this.under(event);
+    if (iteration !== null) this.seek(iteration);
   };
+
+  private readonly point = (event: PointerEvent): void => {
+    this.pointed = event.type === 'pointermove' ? this.under(event) : null;
+    this.read();
+  };
+
+  /** Return the iteration under the pointer. */
+  private under(event: MouseEvent): number | null {
+    const box = (event.currentTarget as HTMLElement).getBoundingClientRect();
+    return this.scale?.iteration((event.clientX - box.left) / box.width) ?? null;
+  }
+
+  /** Draw a line under the pointer, the point of the curve there, and its figures. */
+  private read(): void {
+    const { scale, rows, pointed, reading } = this;
+    const [first] = rows;
+    const series = SERIES[this.chosen];
+    const row = pointed === null ? null : figuresAt(rows, Math.round(pointed));
+    const value = row && first && series ? series.of(row, first) : null;
+    reading.hidden = value === null;
+    if (!scale || !row || value === null) return;
+    const place = scale.place(row.iteration);
+    reading.classList.toggle('leftwards', place > 0.5);
+    reading.style.setProperty('--over', String(place));
+    reading.style.setProperty('--down', String(1 - (this.axis?.place(value) ?? 0)));
+    render(html`<i></i><span><b>${figure(value, 5)}</b> at ${count(row.iteration)}</span>`, reading);
+  }
 }
 
 function across(place: number): string {
