@@ -13,7 +13,7 @@ from tests.web.browser import Complaints, status
 from tests.web.test_trouble import NETWORK
 
 
-def test_of_several_files_those_that_are_accepted_are_run(
+def test_of_several_files_those_that_are_accepted_are_run_in_every_way_that_is_asked_for(
     *, page: Page, complaints: Complaints, stack: Stack, api: Api, animal: bytes
 ) -> None:
     complaints.expect(NETWORK)
@@ -23,14 +23,22 @@ def test_of_several_files_those_that_are_accepted_are_run(
     page.locator("input[type=file]").set_input_files(files)
     expect(page.get_by_role("heading", level=1)).to_have_text("3 files")
     expect(page.get_by_role("row", name="box.obj")).to_contain_text("4 edges have one face only")
-    page.get_by_label("Preset").select_option("conformal")
-    page.get_by_role("button", name="Run all 2").click()
+    page.get_by_label("Conformal flow").check()
+    page.get_by_label("Robust").uncheck()
+    page.get_by_label("Vary").select_option(label="Iterations")
+    page.get_by_label("Values").fill("1, 2")
+    page.get_by_role("button", name="Run all 4").click()
     for name in ("cat.obj", "dog.obj"):
-        expect(page.get_by_role("row", name=name)).to_contain_text("Done")
+        expect(page.get_by_role("row", name=name).get_by_text("Done")).to_have_count(2)
     said = page.get_by_role("status").filter(has_text="tag").locator("code").inner_text()
     jobs = api.http.get("/v1/jobs", params={"tag": said}).json()["items"]
-    assert {(job["name"], job["preset"]) for job in jobs} == {("cat", "conformal"), ("dog", "conformal")}
-    page.get_by_role("link", name="See the run: cat.obj").click()
+    assert {(job["name"], job["preset"], job["progress"]["iterations_total"]) for job in jobs} == {
+        (f"{name} \N{MIDDLE DOT} iterations {most}", "conformal", most)
+        for name in ("cat", "dog")
+        for most in (1, 2)
+    }
+    expect(page.get_by_role("columnheader", name="iterations 2")).to_be_visible()
+    page.get_by_role("link", name="See the run: cat.obj, iterations 2").click()
     expect(page).to_have_url(re.compile(r"\?job=job_"))
     expect(status(page)).to_have_text("Done")
 

@@ -88,6 +88,8 @@ def test_from_a_file_to_a_shared_link(
     page.keyboard.press("Home")
     plot = page.locator(".chart .area").bounding_box()
     assert plot is not None
+    page.mouse.move(plot["x"] + 0.8 * plot["width"], plot["y"] + 30)
+    expect(page.locator(".chart .reading")).to_have_text(re.compile(r"^0\.\d+ at \d\d$"))
     page.mouse.click(plot["x"] + 0.8 * plot["width"], plot["y"] + 30)
     assert iteration(page) > 10
 
@@ -183,16 +185,37 @@ def test_a_run_is_found_cancelled_and_deleted(page: Page, stack: Stack, api: Api
     assert api.http.get(f"/v1/jobs/{job_id}").status_code == 410
 
 
-def test_a_state_begins_a_new_run(page: Page, stack: Stack, api: Api, run: str) -> None:
+def test_a_state_begins_a_new_run(
+    *, page: Page, context: BrowserContext, stack: Stack, api: Api, run: str
+) -> None:
+    context.grant_permissions(["clipboard-read", "clipboard-write"], origin=stack.url)
     page.goto(f"{stack.url}/?job={run}&it=5&up=z")
     settled(page)
     page.get_by_role("button", name="From here").click()
     expect(page).to_have_url(re.compile(r"\?mesh=mesh_\w+&up=z"))
     expect(page.get_by_role("heading", name="animal_it00005.ply", level=2)).to_be_visible()
+    page.get_by_role("button", name="curl").click()
+    asked = json.loads(page.evaluate("navigator.clipboard.readText()").split("'")[1])
+    assert asked["tags"] == ["up:z"]  # so that its small pictures stand upright, too
     mesh = api.http.get(f"/v1/meshes/{page.url.partition('mesh=')[2][:31]}").json()
     metrics = api.http.get(f"/v1/jobs/{run}/metrics").json()
     (row,) = (row for row in metrics["rows"] if row["iteration"] == 5)
     assert abs(mesh["report"]["sphericity"] - row["sphericity"]) < 1e-9
+
+
+def test_a_gallery_that_is_being_made_grows_before_our_eyes(
+    *, page: Page, stack: Stack, api: Api, run: str, animal: bytes
+) -> None:
+    assert "gallery" in api.job(run)["tags"]
+    page.goto(stack.url)
+    expect(page.locator(".shape")).to_have_count(1)  # it has ended, and no other is on its way
+    fields = {"iterations": "1", "name": "head", "tags": "gallery"}
+    job = api.http.post("/v1/jobs", files={"file": ("head.obj", animal)}, data=fields).json()
+    api.finished(job["id"])
+    page.get_by_label("Which runs").select_option(label="Done")  # which fetches the list
+    expect(page.locator(".shape")).to_have_count(2)
+    expect(page.locator(".shape").last).to_contain_text("Head")
+    assert api.http.delete(f"/v1/jobs/{job['id']}").status_code == 204
 
 
 def test_a_run_is_cancelled_fetched_and_deleted_from_the_list(

@@ -8,7 +8,7 @@ from playwright.sync_api import Page, Route, expect
 
 from tests.e2e.api import Api
 from tests.stack import Stack, wait_for
-from tests.web.browser import address, iteration, settled
+from tests.web.browser import Complaints, address, iteration, settled
 
 FOCUSED = "document.activeElement.getAttribute('aria-label') ?? document.activeElement.textContent.trim()"
 
@@ -84,6 +84,33 @@ def test_a_file_that_has_arrived_leaves_the_focus_where_the_visitor_types(
     expect(page.locator(".report .good")).to_have_count(3)
     page.keyboard.type("all")
     expect(tag).to_have_value("small")
+
+
+SAID = """
+window.said = [];
+new MutationObserver(() => {
+  const now = document.querySelector('#app > p[role=status]')?.textContent;
+  if (now !== said.at(-1)) said.push(now);
+}).observe(document, { characterData: true, childList: true, subtree: true });
+"""
+DROP = """() => {
+  const dataTransfer = new DataTransfer();
+  dataTransfer.items.add(new File(['nothing'], 'nothing.obj'));
+  document.body.dispatchEvent(new DragEvent('drop', { dataTransfer, bubbles: true, cancelable: true }));
+}"""
+
+
+def test_the_name_of_a_file_that_is_dropped_twice_is_said_twice(
+    page: Page, complaints: Complaints, stack: Stack
+) -> None:
+    complaints.expect("status of 422")
+    page.add_init_script(SAID)
+    page.goto(stack.url)
+    page.evaluate(DROP)
+    wait_for(lambda: page.evaluate("said").count("nothing.obj") == 1, what="the name is said")
+    page.evaluate(DROP)
+    wait_for(lambda: page.evaluate("said").count("nothing.obj") == 2, what="the name is said again")
+    expect(page.get_by_role("alert")).to_be_visible()
 
 
 def test_the_run_that_is_chosen_to_compare_with_stays_chosen_when_another_is_new(

@@ -33,6 +33,8 @@ export class App {
   private arriving: 'no' | 'yes' | 'waiting' = 'no';
   /** The name of the view that one has come to, for those who hear the page; null before they have gone anywhere. */
   private announced: string | null = null;
+  /** Whether that name is to be taken away once: the same words again would not be said again. */
+  private silent = false;
 
   constructor(private readonly root: HTMLElement) {
     const api = new Api();
@@ -103,6 +105,7 @@ export class App {
     this.leftOut = [];
     this.arriving = replace ? 'waiting' : 'yes';
     this.announced ??= '';
+    this.silent ||= !replace;
     this.open(route);
   }
 
@@ -115,6 +118,7 @@ export class App {
     this.leftOut = [];
     this.arriving = 'yes';
     this.announced ??= '';
+    this.silent = true;
     void this.show(async () => {
       if (files.length > 1) {
         const { BatchView } = await import('./views/batch');
@@ -172,11 +176,14 @@ export class App {
   private readonly refresh = withNextFrame(() => {
     const { title } = this.view;
     document.title = title === '' || title === 'Spherify' ? 'Spherify' : `${title} · Spherify`;
-    if (this.announced !== null) this.announced = title || this.announced; // as soon as it is known
+    if (this.silent) this.announced = '';
+    else if (this.announced !== null) this.announced = title || this.announced; // as soon as it is known
     this.rail.keepingFocus(() => {
       render(this.page(), this.root);
     });
     if (this.arriving !== 'no') this.takeFocus();
+    if (this.silent) this.refresh();
+    this.silent = false;
   });
 
   /** Bring the focus to the view's heading, or to where it will be, without moving what is seen. */

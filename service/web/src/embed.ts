@@ -13,7 +13,7 @@ import './styles/embed.css';
 import { legend } from './ui/look';
 import { problemCard } from './ui/problem';
 import { applyTheme } from './ui/theme';
-import { stageNotes } from './views/notes';
+import { over, stageNotes } from './views/notes';
 import { Stage } from './views/stage';
 
 /** One run in a frame on somebody else's page: the picture, its timeline, and a way to all the rest. */
@@ -28,11 +28,7 @@ function open(root: HTMLElement, shown: Shown, look: Look): void {
     render(
       run.state === null && run.problem
         ? problemCard(run.problem, null)
-        : html`<div class="stage">
-              ${stage.viewer.element}
-              <div class="over">${stageNotes(stage)}</div>
-              ${legend(stage)}
-            </div>
+        : html`<div class="stage">${stage.viewer.element} ${over(stageNotes(stage))} ${legend(stage)}</div>
             ${stage.timeline.element}
             <a class="brand" href=${whole} target="_blank" rel="noreferrer"
               >${run.state?.job.name ?? nothing} · Spherify</a

@@ -34,6 +34,7 @@ export interface Report {
   readonly mean_edge: number;
   readonly least_quality: number;
   readonly eligible: boolean;
+  readonly defects: readonly { readonly code: string }[];
   readonly repairs: readonly { readonly code: string; readonly count: number; readonly detail: string }[];
 }
 

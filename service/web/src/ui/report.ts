@@ -3,7 +3,14 @@ import type { Problem } from '../api/problem';
 import type { Report } from '../api/types';
 import { count, figure, share } from '../core/format';
 import { MEANING } from '../core/meaning';
+import { broken } from './broken';
 import { icon } from './icons';
+
+/** What is wrong with a mesh that its figures do not tell. */
+const UNSOUND: Readonly<Record<string, string>> = {
+  'mesh-not-manifold': 'no surface',
+  'mesh-not-oriented': 'not oriented',
+};
 
 /** What was found out about a mesh, as a card. */
 export function reportCard(name: string, report: Report): TemplateResult {
@@ -17,6 +24,10 @@ export function reportCard(name: string, report: Report): TemplateResult {
     ],
     [report.components === 1, report.components === 1 ? 'one part' : `${count(report.components)} parts`],
     [report.genus === 0, report.genus === null ? 'genus undefined' : `genus ${report.genus}`],
+    ...report.defects.flatMap(({ code }) => {
+      const words = UNSOUND[code];
+      return words === undefined ? [] : [[false, words] as const];
+    }),
   ];
   // an open surface encloses nothing: what the formulas give depends on where the origin is
   const figures: readonly (readonly [string, string, string?])[] = [
@@ -29,7 +40,7 @@ export function reportCard(name: string, report: Report): TemplateResult {
     ['Size, in units of the file', size],
   ];
   return html`<section class="card report" aria-label="Report">
-    <h2>${name}</h2>
+    <h2>${broken(name)}</h2>
     <ul class="checks">
       ${checks.map(
         ([good, words]) =>

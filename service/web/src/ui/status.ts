@@ -4,6 +4,7 @@ import type { Job, Row } from '../api/types';
 import { capital, count, duration, figure, rate, share } from '../core/format';
 import { STATUS_WORDS, figuresAt, reason } from '../core/job';
 import { MEANING } from '../core/meaning';
+import { broken } from './broken';
 
 /** A job's state in a word. */
 export function pill(job: Job): TemplateResult {
@@ -20,7 +21,7 @@ export function statusCard(
   const row = figuresAt(rows, at);
   return html`<section class="card status" aria-label="Status">
     <header>
-      <h2>${job.name}</h2>
+      <h2>${broken(job.name)}</h2>
       ${pill(job)}
     </header>
     <p class="hint">

@@ -1,33 +1,38 @@
 import { html, nothing, type TemplateResult } from 'lit-html';
-import { asProblem, type Problem } from '../api/problem';
+import { asProblem, Problem } from '../api/problem';
 import type { Job, Mesh } from '../api/types';
 import { bytes, count, share } from '../core/format';
 import { STATUS_WORDS } from '../core/job';
+import type { Column } from '../core/matrix';
 import { formatRoute, PLAIN, type Route } from '../core/route';
+import { broken } from '../ui/broken';
+import { BatchForm, MOST_RUNS } from './batchform';
 import type { Context, View } from './context';
-import { upOf, upOfFile } from './up';
+import { UPRIGHT_Z, upOf, upOfFile } from './up';
 
 export const MOST_FILES = 50;
 const AT_ONCE = 2;
 const LOOK_MS = 2000;
 
-/** A file on its way to a run. */
+/** A file on its way to its runs. */
 interface Entry {
   readonly file: File;
   /** The share that is sent; null before its turn. */
   sent: number | null;
   mesh: Mesh | null;
-  job: Job | null;
   problem: Problem | null;
+  /** What became of it in each column, as far as it was asked for. */
+  readonly runs: (Job | Problem)[];
 }
 
-/** Several files: each is sent and judged, and those that are accepted are run with one preset. */
+/** Several files: each is sent and judged, and those that are accepted are run, in every way that is asked for. */
 export class BatchView implements View {
   readonly headed = true;
   private readonly entries: readonly Entry[];
   private readonly tag = `batch-${Date.now().toString(36)}`;
-  private preset = '';
-  private submitting = false;
+  private readonly form: BatchForm;
+  /** In which ways they are run; empty until they are. */
+  private columns: readonly Column[] = [];
   private timer: ReturnType<typeof setTimeout> | undefined;
   private closed = false;
 
@@ -36,9 +41,10 @@ export class BatchView implements View {
     files: readonly File[],
   ) {
     if (files.length > MOST_FILES) context.toast(`The first ${MOST_FILES} files are taken`, 'bad');
+    this.form = new BatchForm(context);
     this.entries = files
       .slice(0, MOST_FILES)
-      .map((file) => ({ file, sent: null, mesh: null, job: null, problem: null }));
+      .map((file) => ({ file, sent: null, mesh: null, problem: null, runs: [] }));
     for (let one = 0; one < AT_ONCE; one++) void this.send();
   }
 
@@ -48,42 +54,33 @@ export class BatchView implements View {
 
   render(): TemplateResult {
     const judged = this.entries.filter((entry) => entry.mesh !== null || entry.problem !== null).length;
-    const ready = this.ready;
-    const begun = this.entries.some((entry) => entry.job !== null);
+    const begun = this.columns.length > 0;
     return html`<div class="batch">
       <h1 tabindex="-1">${this.title}</h1>
       <p class="hint" role="status">
         ${judged < this.entries.length ? `${judged} of ${this.entries.length} judged …` : nothing}
         ${begun ? html`The runs carry the tag <code>${this.tag}</code>, by which the list finds them.` : nothing}
       </p>
-      <table class="entries">
-        <thead>
-          <tr>
-            <th scope="col">File</th>
-            <th scope="col">What became of it</th>
-            <th scope="col"><span class="hidden">Go there</span></th>
-          </tr>
-        </thead>
-        <tbody>
-          ${this.entries.map((entry) => this.row(entry))}
-        </tbody>
-      </table>
+      <div class="matrix">
+        <table class="entries">
+          <thead>
+            <tr>
+              <th scope="col">File</th>
+              <th scope="col">${begun ? 'Mesh' : 'What became of it'}</th>
+              ${this.columns.map(({ title }) => html`<th scope="col">${title}</th>`)}
+            </tr>
+          </thead>
+          <tbody>
+            ${this.entries.map((entry) => this.row(entry))}
+          </tbody>
+        </table>
+      </div>
       ${
-        begun && ready.length === 0
+        begun // and the table shows what becomes of it
           ? nothing
-          : html`<form
-              class="actions"
-              aria-label="Run"
-              @submit=${(event: Event) => {
-                event.preventDefault();
-                void this.submit();
-              }}
-            >
-              ${this.presets()}
-              <button class="primary" type="submit" ?disabled=${ready.length === 0 || this.submitting}>
-                ${this.submitting ? 'Starting …' : `Run ${ready.length === 1 ? 'it' : `all ${ready.length}`}`}
-              </button>
-            </form>`
+          : this.form.render(this.ready.length, judged < this.entries.length, () => {
+              void this.submit();
+            })
       }
     </div>`;
   }
@@ -94,76 +91,63 @@ export class BatchView implements View {
   }
 
   private get ready(): (Entry & { mesh: Mesh })[] {
-    return this.entries.filter(
-      (entry): entry is Entry & { mesh: Mesh } => entry.mesh !== null && entry.job === null,
-    );
-  }
-
-  private presets(): TemplateResult {
-    const { info, presets } = this.context.catalogue;
-    if (this.preset === '') this.preset = info?.default_preset ?? '';
-    return html`<label for="batch-preset">Preset</label>
-      <select
-        id="batch-preset"
-        @change=${(event: Event) => {
-          this.preset = (event.target as HTMLSelectElement).value;
-        }}
-      >
-        ${presets.map(({ name, title }) => html`<option value=${name} ?selected=${name === this.preset}>${title}</option>`)}
-      </select>`;
+    return this.entries.filter((entry): entry is Entry & { mesh: Mesh } => entry.mesh !== null);
   }
 
   private row(entry: Entry): TemplateResult {
     return html`<tr>
-      <th scope="row">${entry.file.name} <span class="hint">${bytes(entry.file.size)}</span></th>
+      <th scope="row">${broken(entry.file.name)} <span class="hint">${bytes(entry.file.size)}</span></th>
       <td>${this.fate(entry)}</td>
-      <td>${this.way(entry)}</td>
+      ${this.columns.map((column, i) => html`<td>${this.cell(entry, entry.runs[i], column)}</td>`)}
     </tr>`;
   }
 
-  private fate({ sent, mesh, job, problem }: Entry): TemplateResult | string {
-    if (problem) return html`<span class="fault">${problem.detail}</span>`;
-    if (job) {
-      const round = job.metrics ? ` · Ψ ${share(job.metrics.sphericity)}` : '';
-      return html`<span class="dot ${job.status}"></span>${STATUS_WORDS[job.status]}${round}
-        ${job.done ? nothing : html`<progress max="100" .value=${job.progress.percent} aria-label="Progress of ${job.name}"></progress>`}`;
+  /** What became of a file before its runs. */
+  private fate({ file, sent, mesh, problem }: Entry): TemplateResult | string {
+    if (problem)
+      return html`<span class="fault">${problem.detail}</span>
+        <button
+          class="plain small"
+          aria-label="See why: ${file.name}"
+          @click=${() => {
+            this.context.files([file]);
+          }}
+        >
+          See why
+        </button>`;
+    if (mesh) {
+      const name = mesh.name === file.name ? null : file.name;
+      const route: Route = { view: 'mesh', mesh: mesh.id, up: upOfFile(file.name), name };
+      return html`${count(mesh.report.vertices)} vertices${this.columns.length > 0 ? '' : ', ready'} ·
+      ${this.link(route, 'Open', file.name)}`;
     }
-    if (mesh) return `${count(mesh.report.vertices)} vertices, ready`;
     if (sent === null) return 'Waiting';
     return sent < 1
       ? html`<progress max="1" .value=${sent} aria-label="Sent"></progress>`
       : 'The service reads it …';
   }
 
-  private way({ file, mesh, job, problem }: Entry): TemplateResult | typeof nothing {
-    if (job) {
-      const look = { ...PLAIN, up: upOf(job) };
-      return this.link(
-        { view: 'job', shown: { job: job.id, iteration: null }, look },
-        'See the run',
-        file.name,
-      );
-    }
-    if (mesh) {
-      const name = mesh.name === file.name ? null : file.name;
-      return this.link({ view: 'mesh', mesh: mesh.id, up: upOfFile(file.name), name }, 'Open', file.name);
-    }
-    if (!problem) return nothing;
-    return html`<button
-      class="plain small"
-      aria-label="See why: ${file.name}"
-      @click=${() => {
-        this.context.files([file]);
-      }}
-    >
-      See why
-    </button>`;
+  /** One run of the matrix. */
+  private cell(
+    { file }: Entry,
+    run: Job | Problem | undefined,
+    column: Column,
+  ): TemplateResult | typeof nothing {
+    if (run === undefined) return nothing;
+    if (run instanceof Problem) return html`<span class="fault">${run.detail}</span>`;
+    const look = { ...PLAIN, up: upOf(run) };
+    const route: Route = { view: 'job', shown: { job: run.id, iteration: null }, look };
+    const which = this.columns.length > 1 ? `${file.name}, ${column.title}` : file.name;
+    const round = run.metrics ? html`<span class="hint">Ψ ${share(run.metrics.sphericity)}</span>` : nothing;
+    return html`<span class="dot ${run.status}"></span
+      >${this.link(route, STATUS_WORDS[run.status], which, 'See the run')} ${round}
+      ${run.done ? nothing : html`<progress max="100" .value=${run.progress.percent} aria-label="Progress of ${which}"></progress>`}`;
   }
 
-  private link(route: Route, words: string, name: string): TemplateResult {
+  private link(route: Route, words: string, name: string, said = words): TemplateResult {
     return html`<a
       href=${formatRoute(route)}
-      aria-label="${words}: ${name}"
+      aria-label="${said}: ${name}"
       @click=${(event: MouseEvent) => {
         if (event.ctrlKey || event.metaKey || event.shiftKey) return;
         event.preventDefault();
@@ -191,30 +175,39 @@ export class BatchView implements View {
   }
 
   private async submit(): Promise<void> {
-    this.submitting = true;
-    for (const entry of this.ready) {
-      try {
-        entry.job = await this.context.api.submit({
-          mesh_id: entry.mesh.id,
-          preset: this.preset,
-          name: entry.file.name.replace(/\.\w+$/, '').slice(0, 120),
-          tags: [this.tag],
-        });
-      } catch (thrown) {
-        entry.problem = asProblem(thrown);
+    this.columns = this.form.columns;
+    for (const entry of this.ready)
+      for (const column of this.columns) {
+        entry.runs.push(await this.begin(entry, column));
+        this.context.refresh();
       }
-      this.context.refresh();
-    }
-    this.submitting = false;
     void this.context.jobs.load();
     this.look();
+  }
+
+  private async begin({ file, mesh }: Entry & { mesh: Mesh }, column: Column): Promise<Job | Problem> {
+    const { iterations, ...parameters } = column.parameters;
+    const name = file.name.replace(/\.\w+$/, '') + (this.columns.length > 1 ? ` · ${column.title}` : '');
+    try {
+      return await this.context.api.submit({
+        mesh_id: mesh.id,
+        preset: column.preset,
+        ...(Object.keys(parameters).length > 0 ? { parameters } : {}),
+        ...(typeof iterations === 'number' ? { iterations } : {}),
+        name: name.slice(0, 120),
+        tags: [this.tag, ...(upOfFile(file.name) === 'z' ? [UPRIGHT_Z] : [])],
+      });
+    } catch (thrown) {
+      return asProblem(thrown);
+    }
   }
 
   /** Look after the runs until all have ended. */
   private look(): void {
     clearTimeout(this.timer);
     this.context.refresh();
-    if (this.closed || this.entries.every(({ job }) => job?.done ?? true)) return;
+    const going = this.entries.some(({ runs }) => runs.some((run) => !(run instanceof Problem) && !run.done));
+    if (this.closed || !going) return;
     this.timer = setTimeout(() => {
       void this.news();
     }, LOOK_MS);
@@ -222,9 +215,12 @@ export class BatchView implements View {
 
   private async news(): Promise<void> {
     try {
-      const { items } = await this.context.api.jobs({ tag: this.tag }, MOST_FILES);
+      const { items } = await this.context.api.jobs({ tag: this.tag }, MOST_RUNS);
       const found = new Map(items.map((job) => [job.id, job]));
-      for (const entry of this.entries) entry.job = found.get(entry.job?.id ?? '') ?? entry.job;
+      for (const { runs } of this.entries)
+        runs.forEach((run, i) => {
+          if (!(run instanceof Problem)) runs[i] = found.get(run.id) ?? run;
+        });
     } catch {
       // the page says elsewhere that nothing answers, and this is tried again
     }

@@ -7,7 +7,7 @@ import { lookKeys, standKeys, type Keys } from '../ui/keys';
 import { legend, lookBar, type Looks } from '../ui/look';
 import { problemCard, wayHome } from '../ui/problem';
 import type { Context, View } from './context';
-import { stageNotes } from './notes';
+import { over, stageNotes } from './notes';
 import { Stage } from './stage';
 
 /** Two states side by side, of one job or of two, seen by one camera. */
@@ -135,11 +135,7 @@ export class CompareView implements View {
           ${icon('link')} Open
         </button>
       </header>
-      <div class="stage">
-        ${stage.viewer.element}
-        <div class="over">${stageNotes(stage)}</div>
-        ${legend(stage)}
-      </div>
+      <div class="stage">${stage.viewer.element} ${over(stageNotes(stage))} ${legend(stage)}</div>
       ${stage.timeline.element}
     </section>`;
   }

@@ -15,7 +15,7 @@ import { problemCard, wayHome } from '../ui/problem';
 import { statusCard } from '../ui/status';
 import type { Context, View } from './context';
 import { attempt, cancellable, remove } from './deeds';
-import { stageNotes } from './notes';
+import { over, stageNotes } from './notes';
 import { Stage } from './stage';
 
 const MOST_OTHERS = 30;
@@ -57,8 +57,7 @@ export class JobView implements View {
       </div>`;
     return html`<div class="work with-timeline" data-tab=${this.tab}>
       <div class="stage">
-        ${this.stage.viewer.element}
-        <div class="over">${stageNotes(this.stage)}</div>
+        ${this.stage.viewer.element} ${over(stageNotes(this.stage))}
         <div class="corner">${lookBar(this.stage)}</div>
         ${legend(this.stage)}
       </div>

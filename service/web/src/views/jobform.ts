@@ -3,6 +3,7 @@ import type { JobRequest } from '../api/client';
 import { asProblem, type Problem } from '../api/problem';
 import type { DryRun, Job, Mesh } from '../api/types';
 import { bytes, duration } from '../core/format';
+import type { Up } from '../core/route';
 import { carried, changes, fieldsOf, type FormField, type Json, type Values } from '../core/schema';
 import { curl, python } from '../core/snippets';
 import { copy } from '../ui/clipboard';
@@ -10,6 +11,7 @@ import { fields, prose, sound } from '../ui/form';
 import { icon } from '../ui/icons';
 import { problemCard } from '../ui/problem';
 import type { Context } from './context';
+import { UPRIGHT_Z } from './up';
 
 const PLANS = [
   ['log:40', 'Forty, more of them early'],
@@ -36,6 +38,7 @@ export class JobForm {
     private readonly context: Context,
     private readonly mesh: Mesh,
     file: string,
+    private readonly upright: () => Up,
     private readonly started: (job: Job) => void,
   ) {
     this.name = file.replace(/\.\w+$/, '');
@@ -220,6 +223,7 @@ export class JobForm {
       ...(typeof iterations === 'number' ? { iterations } : {}),
       snapshots: this.plan.trim(),
       ...(this.name.trim() ? { name: this.name.trim() } : {}),
+      ...(this.upright() === 'z' ? { tags: [UPRIGHT_Z] } : {}),
     };
   }
 

@@ -10,6 +10,7 @@ import { refusal, reportCard } from '../ui/report';
 import { Viewer } from '../viewer/viewer';
 import type { Context, View } from './context';
 import { JobForm } from './jobform';
+import { over, PREPARING } from './notes';
 import { upOfFile } from './up';
 
 /** A mesh before its run: what it looks like, what was found out about it, and what shall be done with it. */
@@ -55,8 +56,7 @@ export class MeshView implements View {
       return html`<div class="middle">${this.failure(this.problem)}</div>`; // there is nothing to see beside it
     return html`<div class="work">
       <div class="stage">
-        ${this.viewer.element}
-        <div class="over">${this.notes()}</div>
+        ${this.viewer.element} ${over(this.notes())}
         <div class="corner">
           <button
             class="tool"
@@ -134,8 +134,8 @@ export class MeshView implements View {
       return html`<p class="note">
         ${this.problem ? 'No preview of this file.' : 'No preview of this file; the service reads it.'}
       </p>`;
-    if (!shown && !this.problem) return html`<p class="note" role="status">Loading the mesh …</p>`;
-    if (shown && !this.viewer.shown) return html`<p class="note" role="status">Preparing the picture …</p>`;
+    if (!shown && !this.problem) return html`<p class="note">Loading the mesh …</p>`;
+    if (shown && !this.viewer.shown) return PREPARING;
     if (shown && shown.drawn < shown.all)
       return html`<p class="note">
         Drawn with ${count(shown.drawn)} of ${count(shown.all)} triangles; the run uses all of them.
@@ -188,9 +188,15 @@ export class MeshView implements View {
       if (this.isClosed()) return;
       this.mesh = mesh;
       this.setUp(this.given ?? upOfFile(mesh.name));
-      this.form = new JobForm(this.context, mesh, this.name, (job) => {
-        this.started(job);
-      });
+      this.form = new JobForm(
+        this.context,
+        mesh,
+        this.name,
+        () => this.up,
+        (job) => {
+          this.started(job);
+        },
+      );
       this.context.refresh();
       const path = `/v1/meshes/${id}`;
       const drawable = await this.context.worker.ask('topology', {
