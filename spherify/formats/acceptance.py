@@ -53,7 +53,8 @@ def read(data: bytes, mesh_format: str, limits: ReadLimits) -> RawMesh:
     """Return what a file of one format states, looked at no further; raises `UnreadableError`."""
     module, function = _READERS[mesh_format]
     reader: Reader = getattr(import_module(f"spherify.formats.readers.{module}"), function)
-    return reader(data, limits)
+    with np.errstate(invalid="ignore"):  # of NaNs that signal; what is no finite number is refused below
+        return reader(data, limits)
 
 
 def _check_surface(raw: RawMesh) -> None:
