@@ -16,4 +16,3 @@ def set_up() -> None:
         logger = logging.getLogger(name)
         logger.setLevel(logging.INFO)
         logger.handlers = [handler]
-    logging.getLogger("uvicorn.access").disabled = True  # our line of a request says more

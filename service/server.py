@@ -155,6 +155,7 @@ def configuration(app: str | Callable[..., Any], **options: Any) -> uvicorn.Conf
         "http": protocol(),
         "ws": "none",
         "server_header": False,
+        "access_log": False,  # ours says more; this one would be made for every answer, and thrown away
         "backlog": 4096,
         "timeout_keep_alive": IDLE_S,
         "timeout_graceful_shutdown": 5,
