@@ -16,7 +16,7 @@ from spherify.geometry.errors import InvalidCheckpointError
 from spherify.geometry.mesh import Floats, TriangleMesh
 from spherify.geometry.roundness import Shape
 
-VERSION: Final = 5
+VERSION: Final = 6
 
 Memory: TypeAlias = Mapping[
     str, NDArray[Any]

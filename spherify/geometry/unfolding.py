@@ -10,7 +10,10 @@ until no face looks inward. As convex combinations these unfold (Tutte, "How to 
 "Parametrization and smooth approximation of surface triangulations", 1997). Uniform weights shrink a limb of length l
 and radius r to a tip of exp(-2 l/r) of the area; weights that grow with the area as above to exp(-2 l / (r √(1 + 4e))).
 They depend on what they bring about, so they are smoothed along the surface and only approached, or they would swing to
-and fro. What limbs then have left may be less than 1e-9 of the mean area: `spread` draws these triangles apart without
+and fro. And they are late: where so few triangles are left that some rounds of drawing change them all, the largest
+grow until they pass the centre, and directions cover the sphere no more; or folds come and go. Fewer rounds between two
+looks at the areas, and weights that differ less, unfold those too (on a large surface they would only take longer).
+What limbs then have left may be less than 1e-9 of the mean area: `spread` draws these triangles apart without
 turning any. Equal radii do not make the greatest sphericity of uneven triangles, for the large ones cut off more of the
 ball: so the run does not end here (`spherify.geometry.ascent`).
 """

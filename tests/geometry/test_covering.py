@@ -12,6 +12,7 @@ from spherify.geometry import measures
 from spherify.geometry.covering import centre_inside, covering
 from spherify.geometry.flow import FlowState, StopReason, flow
 from spherify.geometry.mesh import TriangleMesh
+from spherify.geometry.methods import curvature
 from spherify.geometry.methods.control import Control, Phase
 from spherify.geometry.presets import PRESETS
 from spherify.geometry.samples.solids import icosphere
@@ -47,13 +48,13 @@ def seen_from(point, mesh):
 
 
 @cache
-def run(turns: float, around: int, rings: int) -> tuple[list[float], list[float], FlowState]:
-    """The phases of a run, the sphericity after each iteration, and its end."""
-    phases, sphericities = [], []
+def run(turns: float, around: int, rings: int) -> tuple[list[Control], list[float], FlowState]:
+    """What a run did next and its sphericity, after each iteration, and its end."""
+    controls, sphericities = [], []
     for state in flow(wound(turns, around, rings), ROBUST, engine="compiled"):
-        phases.append(Control(*state.checkpoint()["control"]).phase)
+        controls.append(Control(*state.checkpoint()["control"]))
         sphericities.append(state.sphericity)
-    return phases, sphericities, state
+    return controls, sphericities, state
 
 
 def test_a_point_inside_is_found_where_the_centroid_is_outside():
@@ -82,7 +83,8 @@ def test_none_is_found_where_there_is_none():
 
 def test_what_t_winds_around_itself_becomes_a_true_sphere():
     """About a point that it goes around once: the centroid is inside more often when T gets no further."""
-    phases, _, last = run(2.0, 16, 150)
+    controls, _, last = run(2.0, 16, 150)
+    phases = [control.phase for control in controls]
     folded = phases.index(Phase.FOLDED)
     assert phases[folded + 1] == Phase.SPHERE
     assert phases[-1] == Phase.STAR
@@ -92,11 +94,23 @@ def test_what_t_winds_around_itself_becomes_a_true_sphere():
     assert areas.min() > 1e-6 * areas.mean()
 
 
-@pytest.mark.parametrize("coil", [(1.5, 10, 80), (1.2, 8, 60), (1.8, 8, 90), (2.0, 8, 60)])
-def test_what_cannot_be_unwound_ends_as_it_was_and_not_collapsed(coil):
+COARSE_COILS = [(1.5, 10, 80), (1.2, 8, 60), (1.8, 8, 90), (2.0, 8, 60)]
+
+
+@pytest.mark.parametrize("coil", COARSE_COILS)
+def test_what_is_lost_with_all_rounds_is_unfolded_with_fewer(coil):
     """So few triangles that they pass the centre as they are drawn: the sphere is not covered once any more."""
-    phases, sphericities, last = run(*coil)
-    assert Phase.SPHERE in phases
+    controls, _, last = run(*coil)
+    assert any(control.rounds < 1 for control in controls)
+    assert last.metrics().inward_faces == 0
+    assert last.sphericity > 0.98  # no more can be had of so few triangles
+
+
+@pytest.mark.parametrize("coil", COARSE_COILS)
+def test_what_cannot_be_unwound_ends_as_it_was_and_not_collapsed(coil, monkeypatch):
+    monkeypatch.setattr(curvature, "LEAST_ROUNDS", ROBUST.unfolding.rounds)
+    controls, sphericities, last = run.__wrapped__(*coil)
+    phases = [control.phase for control in controls]
     assert last.stop_reason == StopReason.STALLED
     assert "unwound" in last.stop_detail
     begun = phases.index(Phase.SPHERE) - 1
@@ -130,11 +144,23 @@ def test_going_back_resumes_bit_by_bit():
             assert state.vertices.tobytes() == expected.vertices.tobytes()
 
 
-def test_giving_up_resumes_bit_by_bit():
-    mesh = wound(1.5, 10, 80)
-    whole = list(flow(mesh, ROBUST, engine="compiled"))
-    given_up = next(s.iteration for s in whole if Control(*s.checkpoint()["control"]).given_up)
-    for start in range(given_up - 3, given_up + 2):
+def assert_resumes_around(whole, mesh, iteration):
+    for start in range(iteration - 3, iteration + 2):
         resumed = flow(mesh, ROBUST, engine="compiled", resume=whole[start].checkpoint())
         for state, expected in zip(resumed, whole[start + 1 :], strict=True):
             assert state.vertices.tobytes() == expected.vertices.tobytes()
+
+
+def test_beginning_anew_resumes_bit_by_bit():
+    mesh = wound(1.2, 8, 60)
+    whole = list(flow(mesh, ROBUST, engine="compiled"))
+    rounds = [Control(*state.checkpoint()["control"]).rounds for state in whole]
+    assert_resumes_around(whole, mesh, next(i for i, share in enumerate(rounds) if share < 1))
+
+
+def test_giving_up_resumes_bit_by_bit(monkeypatch):
+    monkeypatch.setattr(curvature, "LEAST_ROUNDS", ROBUST.unfolding.rounds)
+    mesh = wound(1.5, 10, 80)
+    whole = list(flow(mesh, ROBUST, engine="compiled"))
+    given_up = [Control(*state.checkpoint()["control"]).given_up for state in whole]
+    assert_resumes_around(whole, mesh, given_up.index(True))

@@ -5,9 +5,10 @@
                                         └──── thin, or again ────> STAR <─────┘ no rounder
 
 Of what gets no rounder, FOLDED takes the roundest state; and another point than the centroid to see directions from, if
-from there they cover the sphere otherwise than once, for nothing on the sphere can change that. Where no such point is
-found, or the covering is lost on the way, it goes back to NORMALS and to the end. A surface that has become round ends
-in NORMALS, SMOOTHING or STAR; in SPHERE ends only what gets no better there.
+from there they cover the sphere otherwise than once, for nothing on the sphere can change that. Where the covering is
+lost on the way, or folds remain, SPHERE begins anew from what it began with, more carefully each time. Where that does
+not do, or no such point is found, it goes back to NORMALS and to the end. A surface that has become round ends in
+NORMALS, SMOOTHING or STAR; in SPHERE ends only what gets no better there.
 """
 
 from __future__ import annotations
@@ -57,6 +58,7 @@ class Control(NamedTuple):
         fewest: the least number of faces that looked inward so far.
         variation: the radius variation that has to be fallen short of for the waiting to begin anew.
         largest: the least area that has to be exceeded for it, once no face looks inward.
+        rounds: share of the rounds of unfolding that are done; halved each time SPHERE begins anew.
 
     """
 
@@ -71,6 +73,7 @@ class Control(NamedTuple):
     fewest: float = np.inf
     variation: float = np.inf
     largest: float = 0.0
+    rounds: float = 1.0
 
     @classmethod
     def of(cls, progress: Progress) -> Control:
@@ -79,7 +82,12 @@ class Control(NamedTuple):
 
     def on_the_sphere(self, inward: int, least_area: float) -> Control:
         """Return it as SPHERE begins, with what the directions are like."""
-        return Control(0.0, 1.0, 0.0, 0, Phase.SPHERE, self.times + 1, inward, least_area)
+        begun = Control(0.0, 1.0, 0.0, 0, Phase.SPHERE, self.times + 1, inward, least_area)
+        return begun._replace(rounds=self.rounds)
+
+    def more_carefully(self) -> Control:
+        """Return it as what precedes SPHERE, for that to begin anew."""
+        return self._replace(rounds=self.rounds / 2, times=self.times - 1)
 
     @property
     def folded(self) -> bool:
@@ -120,7 +128,7 @@ class Control(NamedTuple):
             largest, variation, waited = found.least_area, shape.radius_variation, 0
         unfolded = not found.inward and found.least_area >= VANISHING
         if unfolded and (shape.radius_variation < SETTLED or waited > WAITED):
-            if self.times == 1 and found.least_area >= THIN:
+            if self.times == 1 and self.rounds == 1 and found.least_area >= THIN:
                 return Control(0.0, 1.0, shape.sphericity, 0, Phase.SMOOTHING, self.times)
             return self.as_star(shape)
         return self._replace(

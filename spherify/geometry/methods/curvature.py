@@ -12,6 +12,7 @@ schemes", 2015.
 
 from __future__ import annotations
 
+import math
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -49,6 +50,7 @@ ROUND_ENOUGH: Final = (
 LATE_ENOUGH: Final = 0.8  # sphericity from which on it is after LATE iterations
 TURNED: Final = 0.1  # share of the sphere that inward faces may cover; more are no folds but a cavity
 PATIENCES: Final = 4  # of the annealing, that something may take on the sphere to get better
+LEAST_ROUNDS: Final = 2  # of unfolding after an iteration, however often it began anew
 WEIGHT_DAMPING: Final = 1.2  # over the exponent: share of the way the weights go; more, and they swing
 
 
@@ -138,7 +140,7 @@ class CurvatureTransformation:
             return None
         if control.given_up:
             return STILL_WOUND if control.waited >= LOOKED_EVERY else None
-        if control.phase == Phase.SPHERE and control.waited >= max(PATIENCES * annealing.patience, WAITED):
+        if self._no_better(control) and not self._once_more(control):
             return (
                 f"neither the radius variation, now {progress.shape.radius_variation:.2e}, nor the number of faces "
                 f"that look inward, at best {control.fewest:.0f}, fell in {control.waited:.0f} iterations on the sphere"
@@ -159,8 +161,8 @@ class CurvatureTransformation:
         if control.phase == Phase.SPHERE:
             found = self._on_the_sphere(here, centre, control, stage, progress.memory["log_weights"])
             if control.inward and not self._kernel.shape(found.positions).volume > 0:
-                self._decided = progress, self._given_up(progress, control)
-                return self.advance(progress)  # along the normals
+                self._decided = progress, self._anew(progress, control)
+                return self.advance(progress)
             self._folds = found
             return found.positions
         if control.phase == Phase.STAR:
@@ -242,7 +244,8 @@ class CurvatureTransformation:
             if looked or over:
                 control, centre = self._smoothed(progress, control, over=over), progress.shape.centroid
         elif control.phase == Phase.FOLDED:
-            return self._from_the_roundest(progress, control)
+            # Of what gets no rounder the last state may be worse, and all directions be turned.
+            return self._onto_the_sphere(progress, control, progress.best_position)
         elif (
             control.phase == Phase.NORMALS
             and looked
@@ -252,20 +255,18 @@ class CurvatureTransformation:
             seen = self._covering(here, centre)
             if seen.degree == 1 and seen.turned < TURNED:
                 control = self._begun(here, centre, control)
-        elif control.phase == Phase.SPHERE and looked and control.inward:
-            if self._covering(here, centre).degree != 1:  # what moves far may pass the centre
-                return self._given_up(progress, control)
+        elif control.phase == Phase.SPHERE and control.inward:
+            lost = looked and self._covering(here, centre).degree != 1  # what moves far may pass the centre
+            if lost or self._no_better(control):
+                return self._anew(progress, control)
         elif control.phase == Phase.STAR and looked:
             inward = self._kernel.figures(here, progress.shape.centroid).inward_faces
             centre = centre if inward else progress.shape.centroid
         return Next(control, here, centre)
 
-    def _from_the_roundest(self, progress: Progress, control: Control) -> Next:
-        """Go back to the roundest state, and on to the sphere about a point that it goes around once.
-
-        Of what gets no rounder the last state may be worse, and all directions be turned.
-        """
-        here, centre = progress.best_position, progress.best_shape.centroid
+    def _onto_the_sphere(self, progress: Progress, control: Control, here: Floats) -> Next:
+        """Go on to the sphere from ``here`` (n, 3), about a point that it goes around once."""
+        centre = self._kernel.shape(here).centroid
         if self._covering(here, centre).degree != 1:
             inside = centre_inside(here, self._topology.faces, centre)
             if inside is None:
@@ -273,6 +274,22 @@ class CurvatureTransformation:
             centre = inside
             here = _on_a_sphere(here, centre)  # uneven radii about it may enclose less than nothing
         return Next(self._begun(here, centre, control), here, centre)
+
+    def _anew(self, progress: Progress, control: Control) -> Next:
+        """Begin the part on the sphere anew from the refuge, or give it up if that was done often enough."""
+        if not self._once_more(control):
+            return self._given_up(progress, control)
+        return self._onto_the_sphere(progress, control.more_carefully(), self._refuge(progress))
+
+    def _once_more(self, control: Control) -> bool:
+        """Whether folds may be tried to undo once more, with half as many rounds."""
+        return control.inward > 0 and self._rounds * control.rounds / 2 >= LEAST_ROUNDS
+
+    def _no_better(self, control: Control) -> bool:
+        """Whether the part on the sphere has waited for anything to get better as long as it may."""
+        annealing = self._config.annealing
+        patience = np.inf if annealing is None else max(PATIENCES * annealing.patience, WAITED)
+        return control.phase == Phase.SPHERE and control.waited >= patience
 
     def _given_up(self, progress: Progress, control: Control) -> Next:
         """Go back to the refuge, and on along the normals to the end: nothing on the sphere leads further."""
@@ -318,9 +335,15 @@ class CurvatureTransformation:
         if moved is None:  # the radii are equal
             moved = V.copy()
         if control.inward:
-            damping = WEIGHT_DAMPING / self._exponent if log_weights.any() else 1.0
+            begins = not log_weights.any() or (control.rounds < 1 and control.fewest == np.inf)
+            exponent = self._exponent * math.sqrt(control.rounds)
             return self._kernel.unfold(
-                moved, centre, log_weights, exponent=self._exponent, damping=damping, rounds=self._rounds
+                moved,
+                centre,
+                log_weights,
+                exponent=exponent,
+                damping=1.0 if begins else min(WEIGHT_DAMPING / exponent, 1.0),
+                rounds=max(round(self._rounds * control.rounds), 1),
             )
         if control.spreads:
             return self._kernel.spread(moved, centre, self._rounds)
