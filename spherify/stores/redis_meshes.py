@@ -28,10 +28,8 @@ class RedisMeshStore:
 
     def add(self, record: MeshRecord) -> bool:
         """Record a mesh whose files are durable; False if it was known already (nothing changes)."""
-        with reachable(), self._client.pipeline(transaction=True) as pipe:
-            pipe.set(keys.mesh(record.id), dump_record(record), nx=True)
-            pipe.zadd(keys.MESHES, {record.id: record.created_at}, nx=True)
-            return bool(pipe.execute()[0])
+        args = [record.id, dump_record(record), repr(record.created_at)]
+        return bool(self._scripts("add_mesh", [keys.mesh(record.id), keys.MESHES], args, common=False))
 
     def get(self, mesh_id: str) -> MeshRecord:
         """Return one record; raises `MeshNotFoundError`."""
