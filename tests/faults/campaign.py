@@ -50,6 +50,7 @@ class Campaign:
     workers: int
     worker_environment: Mapping[str, str]
     figures: dict[str, float] = field(default_factory=dict)
+    exits: list[float] = field(default_factory=list)  # seconds from SIGTERM to the end of each worker so told
 
     def run(
         self,
@@ -107,7 +108,13 @@ class Campaign:
         """Start again what has died, as whoever runs the service has it done."""
         self.injectors.do_what_is_due()
         for number in range(self.workers):
-            if (process := self.stack.workers.get(str(number))) is None or process.poll() is not None:
+            process = self.stack.workers.get(str(number))
+            if process is None or process.poll() is not None:
+                if (
+                    process is not None
+                    and (told := self.injectors.stopped.pop(process.pid, None)) is not None
+                ):
+                    self.exits.append(monotonic() - told)
                 self.stack.start_worker(str(number), environment=self.worker_environment, until_ready=False)
 
     def _is_done(self, job_id: str) -> bool:
@@ -121,6 +128,8 @@ class Campaign:
         starts = Counter(line.job_id for line in lines if line.action == "start")
         kills = [hit for hit in self.injectors.hits if hit.fault.startswith("kill_") and hit.job_id]
         recoveries = [r for hit in kills if (r := self.logs.recovery(str(hit.job_id), hit.at)) is not None]
+        flushes = [hit.at for hit in self.injectors.hits if hit.fault == "flush"]
+        rebuilds = [seconds for at in flushes if (seconds := self.logs.rebuilt(at)) is not None]
         self.figures = {
             "jobs": jobs,
             "done": done,
@@ -136,6 +145,9 @@ class Campaign:
             "slowest_begun_s": round(max((r.begun for r in recoveries), default=0.0), 1),
             "slowest_recovery_s": round(max((r.ours for r in recoveries), default=0.0), 1),
             "longest_queued_s": round(max((r.queued for r in recoveries), default=0.0), 1),
+            "rebuilds": len(rebuilds),
+            "slowest_rebuild_s": round(max(rebuilds, default=0.0), 1),
+            "slowest_exit_s": round(max(self.exits, default=0.0), 1),
             "most_losses": self.most_losses(),
             **{
                 f"hits_{fault}": times

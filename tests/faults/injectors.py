@@ -40,6 +40,7 @@ class Injectors:
     proxy: ChaosProxy | None = None
     spared: str = ""  # name of a worker that nothing strikes
     hits: list[Hit] = field(default_factory=list)
+    stopped: dict[int, float] = field(default_factory=dict)  # process told to end → when, by time.monotonic
     later: list[tuple[float, Callable[[], object]]] = field(default_factory=list)
 
     def strike(self, fault: str) -> bool:
@@ -65,9 +66,13 @@ class Injectors:
         if (job := self._a_running_job()) is None or (name := _worker_of(job)) not in self.stack.workers:
             return False
         process = self.stack.workers[name]
+        if number == signal.SIGTERM and process.pid in self.stopped:
+            return False  # it is on its way
         if process.poll() is None:
             self._note(fault, process.pid, job)
             process.send_signal(number)
+            if number == signal.SIGTERM:
+                self.stopped.setdefault(process.pid, time.monotonic())
         return True
 
     def _kill_child(self) -> bool:

@@ -97,6 +97,12 @@ class Logs:
                 return Recovery(found - at, claimed - found, line.at - claimed)
         return None
 
+    def rebuilt(self, at: float) -> float | None:
+        """Return how long after a moment the records were all back, in seconds; None if nobody said so."""
+        return next(
+            (line.at - at for line in self.lines() if line.action == "rebuild" and line.at > at), None
+        )
+
     def _look(self) -> None:
         for path in [*self.folder.glob("worker-*.log"), *self.folder.glob("api*.log")]:
             with path.open("rb") as file:

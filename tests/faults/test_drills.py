@@ -1,6 +1,6 @@
 """What takes too long, or too much of the machine, for every day: `make drills` (`ARGS="-k campaign"` for one).
 
-Rows 1, 2, 4 to 7, 14, 15, 16, 18 and 23 of docs/durability.md at their full numbers. Figures are printed.
+Rows 1, 2, 4 to 7, 9, 14, 15, 16, 18 and 23 of docs/durability.md at their full numbers. Figures are printed.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from tests.faults.ledger import Ledger, Verdict, judge
 from tests.faults.leftovers import assert_nothing_left, usage
 from tests.faults.logs import Logs
 from tests.faults.polling import Clients
-from tests.faults.specimens import Specimen
+from tests.faults.specimens import Specimen, specimen
 from tests.processes import below
 from tests.stack import ROOT, Stack, started_stack, wait_for
 
@@ -38,6 +38,9 @@ SOAK_WARM = 60  # jobs after which whatever is kept to be used again is there
 SOAK_KILLS = ("kill_worker", "kill_child", "kill_runner", "freeze_worker")
 SOAK_FAULTS = ("kill_worker", "kill_child", "kill_runner", "kill_broker", "stop_worker", "freeze_worker")
 AS_DELIVERED: dict[str, str] = {}  # lease 30 s, heartbeat 5 s, scan 5 s, 3 losses
+EXIT_S = 10.0  # from SIGTERM to the end of a worker
+REBUILD_S = 30.0  # from the loss of all records until they are back
+LONG = 1_000  # iterations of a job that takes many seconds
 RECOVERY_S = 45.0  # lease, scan, and 10 s for everything else
 EVERYTHING = {"kill_worker": 20, "kill_child": 10, "kill_runner": 10, "kill_broker": 5, "flush": 3}
 
@@ -47,6 +50,20 @@ def test_campaign_of_200_jobs_under_everything(tmp_path: Path, specimens: list[S
     with campaign(tmp_path, seed=200, environment=AS_DELIVERED) as one:
         assert one.run(specimens, 200, EVERYTHING, limit_s=3600) == Verdict()
         assert one.figures["slowest_recovery_s"] <= RECOVERY_S
+        assert one.figures["resumed"] >= 1
+        assert one.figures["rebuilds"] == EVERYTHING["flush"]
+        assert one.figures["slowest_rebuild_s"] <= REBUILD_S
+
+
+def test_rolling_restarts(tmp_path: Path) -> None:
+    """Workers told to end, again and again, amid jobs that take longer than they have: seconds of work are lost."""
+    long = specimen(tmp_path, "stone", 20_000, LONG, LONG // 4)
+    with campaign(tmp_path, seed=9, environment=AS_DELIVERED) as one:
+        assert one.run([long], 10, {"stop_worker": 20}, limit_s=3600) == Verdict()
+        assert len(one.exits) == 20
+        assert max(one.exits) <= EXIT_S
+        assert one.most_losses() == 0, "a worker that is told to stop hands on"
+        assert one.figures["resumed"] >= 1
 
 
 def test_campaign_of_150_jobs_under_silence_and_sleep(tmp_path: Path, specimens: list[Specimen]) -> None:
