@@ -129,7 +129,7 @@ class Campaign:
         kills = [hit for hit in self.injectors.hits if hit.fault.startswith("kill_") and hit.job_id]
         recoveries = [r for hit in kills if (r := self.logs.recovery(str(hit.job_id), hit.at)) is not None]
         flushes = [hit.at for hit in self.injectors.hits if hit.fault == "flush"]
-        rebuilds = [seconds for at in flushes if (seconds := self.logs.rebuilt(at)) is not None]
+        rebuilds = [took for took in map(self.logs.rebuilt, flushes) if took is not None]
         self.figures = {
             "jobs": jobs,
             "done": done,
