@@ -40,7 +40,7 @@ SOAK_FAULTS = ("kill_worker", "kill_child", "kill_runner", "kill_broker", "stop_
 AS_DELIVERED: dict[str, str] = {}  # lease 30 s, heartbeat 5 s, scan 5 s, 3 losses
 EXIT_S = 10.0  # from SIGTERM to the end of a worker
 REBUILD_S = 30.0  # from the loss of all records until they are back
-LONG = 1_000  # iterations of a job that takes many seconds
+LONG = 500  # iterations of a job that takes seconds
 RECOVERY_S = 45.0  # lease, scan, and 10 s for everything else
 EVERYTHING = {"kill_worker": 20, "kill_child": 10, "kill_runner": 10, "kill_broker": 5, "flush": 3}
 
