@@ -93,7 +93,7 @@ const REASONS: Readonly<Record<string, string>> = {
   stalled: 'nothing gets better any more',
   'constant-curvature': 'the curvature is the same everywhere',
   deadline: 'time was up',
-  collapsed: 'the surface turned inside out',
+  collapsed: 'the surface collapsed',
   cancelled: 'cancelled on request',
 };
 

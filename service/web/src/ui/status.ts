@@ -74,6 +74,6 @@ function ended(job: Job): TemplateResult {
       ${reason(job) ? html`<b>${capital(reason(job))}</b> · ` : nothing}${count(progress.iteration)}
       iterations in <span class="keep">${duration(progress.elapsed_s)}</span>
     </p>
-    ${job.error ? html`<p class="fault">${job.error.detail}</p>` : nothing}
+    ${job.error ? html`<p class="fault">${capital(job.error.detail)}</p>` : nothing}
     ${job.stop_detail && !job.error && job.stop_reason !== 'iterations' ? html`<p class="hint">${capital(job.stop_detail)}</p>` : nothing}`;
 }

@@ -110,9 +110,9 @@ export class Timeline {
 
   private where(): string {
     const { before, after, blend } = this.place;
+    if (this.states.length === 0) return ''; // it has not begun
     if (this.busy) return 'loading …';
     if (blend > 0) return `between ${count(before)} and ${count(after)}, interpolated`;
-    if (this.states.length === 0) return '';
     // what lies ahead of a run that goes on is room to draw in, not a number of iterations
     return this.reached < this.scale.last
       ? `of ${count(this.reached)} iterations so far`

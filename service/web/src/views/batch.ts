@@ -96,7 +96,7 @@ export class BatchView implements View {
 
   private row(entry: Entry): TemplateResult {
     return html`<tr>
-      <th scope="row">${broken(entry.file.name)} <span class="hint">${bytes(entry.file.size)}</span></th>
+      <th scope="row">${broken(entry.file.name)} <span class="hint keep">${bytes(entry.file.size)}</span></th>
       <td>${this.fate(entry)}</td>
       ${this.columns.map((column, i) => html`<td>${this.cell(entry, entry.runs[i], column)}</td>`)}
     </tr>`;
@@ -138,7 +138,9 @@ export class BatchView implements View {
     const look = { ...PLAIN, up: upOf(run) };
     const route: Route = { view: 'job', shown: { job: run.id, iteration: null }, look };
     const which = this.columns.length > 1 ? `${file.name}, ${column.title}` : file.name;
-    const round = run.metrics ? html`<span class="hint">Ψ ${share(run.metrics.sphericity)}</span>` : nothing;
+    const round = run.metrics
+      ? html`<span class="hint keep">Ψ ${share(run.metrics.sphericity)}</span>`
+      : nothing;
     return html`<span class="dot ${run.status}"></span
       >${this.link(route, STATUS_WORDS[run.status], which, 'See the run')} ${round}
       ${run.done ? nothing : html`<progress max="100" .value=${run.progress.percent} aria-label="Progress of ${which}"></progress>`}`;

@@ -1,7 +1,7 @@
 import { html, nothing, type TemplateResult } from 'lit-html';
 import { asProblem } from '../api/problem';
 import type { Job } from '../api/types';
-import { share } from '../core/format';
+import { count, share } from '../core/format';
 import { PLAIN } from '../core/route';
 import { dropZone } from '../ui/dropzone';
 import { idle, painted } from '../ui/painted';
@@ -106,7 +106,9 @@ export class HomeView implements View {
     this.context.refresh();
     try {
       const mesh = await this.context.api.sample(sample);
-      if (!this.closed) this.context.go({ view: 'mesh', mesh: mesh.id, up: 'z', name: null });
+      const own = `${sample}.ply`;
+      const name = mesh.name === own ? null : own; // the service keeps the first name of the same bytes
+      if (!this.closed) this.context.go({ view: 'mesh', mesh: mesh.id, up: 'z', name });
     } catch (thrown) {
       this.context.toast(asProblem(thrown).detail, 'bad');
     }
@@ -143,7 +145,7 @@ export class HomeView implements View {
         </span>
         <span class="name">${title(job.name)}</span>
         <span class="hint">
-          ${job.done ? `Ψ ${share(job.metrics?.sphericity)} after ${job.progress.iteration}` : 'being made …'}
+          ${job.done ? `Ψ ${share(job.metrics?.sphericity)} · ${count(job.progress.iteration)} iterations` : 'being made …'}
         </span>
       </button>
       <button

@@ -139,7 +139,7 @@ export class JobView implements View {
         <p class="hint">The link opens this state, camera and colouring.</p>
       </section>
       ${stage.problem && !stage.problem.passing ? problemCard(stage.problem, null) : nothing}
-      ${this.compareWith(context.jobs.jobs.filter((other) => other.id !== job.id))}`;
+      ${stage.states.length === 0 ? nothing : this.compareWith(context.jobs.jobs.filter((other) => other.id !== job.id))}`;
   }
 
   private request(job: Job): JobRequest {
