@@ -55,7 +55,7 @@ class RowOut(FiguresOut):
 
 
 class MetricsOut(Answer):
-    """The time series of a job: every iteration up to 30, then each tenth or some 500, every snapshot, and the end."""
+    """The time series of a job: dense at first, then each twentieth or some 500, every snapshot, and the end."""
 
     job_id: str
     rows: list[RowOut]

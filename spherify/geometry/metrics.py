@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 from spherify.geometry import measures
 from spherify.geometry.config import Measure
@@ -97,7 +97,7 @@ class Metrics:
 
     def as_dict(self) -> dict[str, float | int]:
         """Return the figures by name, in the order above."""
-        return asdict(self)
+        return {name: getattr(self, name) for name in self.__slots__}
 
 
 def figures_of(V: Floats, topology: Topology, measure: Measure, centre: Floats) -> Figures:

@@ -11,9 +11,9 @@ from spherify.geometry.config import Stage
 from spherify.geometry.errors import InvalidConfigError
 
 MAX_SNAPSHOTS: Final = 1000
-ROWS_FROM_THE_START: Final = 30
+FIRST_ROWS: Final = (0, 1, 2, 3, 4, 6, 8, 11, 14, 18, 23, 29, 37, 47, 59, 74)  # distances grow by a quarter
 ROWS_AFTERWARDS: Final = 500
-LEAST_STRIDE: Final = 10  # a row takes a fifth to a third of an iteration
+LEAST_STRIDE: Final = 20  # a row takes a fifth of an iteration
 
 _FORMS: Final = "write snapshots as a list like 100,500,1000, or every:N, or log:N"
 
@@ -76,19 +76,20 @@ class SnapshotPlan:
 def is_recorded(iteration: int, iterations: int, plan: SnapshotPlan) -> bool:
     """Whether the time series of a run of at most ``iterations`` has a row at ``iteration``.
 
-    Every iteration up to ROWS_FROM_THE_START, then each ceil(iterations / ROWS_AFTERWARDS)-th, but at most each
-    LEAST_STRIDE-th, the snapshots and the last: a rule of these numbers only, so that a resumed run records the same
-    rows. The state a run ends with before that has a row as well.
+    FIRST_ROWS, then each ceil(iterations / ROWS_AFTERWARDS)-th, but at most each LEAST_STRIDE-th, the snapshots and
+    the last: a rule of these numbers only, so that a resumed run records the same rows. The state a run ends with
+    before that has a row as well.
     """
-    if iteration <= ROWS_FROM_THE_START or iteration == iterations or iteration in plan:
+    if iteration == iterations or iteration in plan:
         return True
-    return iteration % _stride(iterations) == 0
+    return iteration in FIRST_ROWS if iteration <= FIRST_ROWS[-1] else iteration % _stride(iterations) == 0
 
 
 def recorded_iterations(iterations: int, plan: SnapshotPlan) -> tuple[int, ...]:
     """All iterations for which `is_recorded` holds, ascending."""
-    start = range(min(ROWS_FROM_THE_START, iterations) + 1)
-    afterwards = range(0, iterations + 1, _stride(iterations))
+    start = (row for row in FIRST_ROWS if row <= iterations)
+    stride = _stride(iterations)
+    afterwards = range((FIRST_ROWS[-1] // stride + 1) * stride, iterations + 1, stride)
     return tuple(sorted({*start, *afterwards, *plan.iterations, iterations}))
 
 

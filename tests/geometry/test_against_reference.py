@@ -34,7 +34,7 @@ from tests.geometry.shapes import (
 from tests.geometry.test_against_naive import MEASURES, MODES
 from tests.shared import shared_mesh
 
-ROBUST = PRESETS["robust"].config
+PAPER, ROBUST = (PRESETS[name].config for name in ("paper", "robust"))
 MESHES = {
     **small_samples(),
     **{f"{name}, 1,500": sample(name, 1500) for name in SAMPLES},
@@ -115,22 +115,36 @@ def test_percentiles(kind, n, window):
         "huge": lambda: np.append(0.9e308 * rng.uniform(-1, 1, n - 1), 0.95e308),
     }[kind]()
     low, high = compiled_percentiles()(
-        K, K.min(), K.max(), (float(window[0]), float(window[1])), buffers(n, 0)
+        K, K.min(), K.max(), (float(window[0]), float(window[1])), buffers(n, 0, 1)
     )
     with np.errstate(over="ignore"):
         assert [low, high] == list(np.percentile(K, window))
 
 
+@pytest.mark.parametrize("config", [PAPER, ROBUST], ids=["by rings", "by faces"])
 @pytest.mark.parametrize("name", MESHES)
-def test_shape(name):
+def test_shape(name, config):
     mesh = MESHES[name]
     for V in (mesh.vertices, jittered(mesh, 0.01).vertices + 3.0):
-        one, other = (kernel.shape(V) for kernel in both(mesh, ROBUST))
+        one, other = (kernel.shape(V) for kernel in both(mesh, config))
         assert other.area == pytest.approx(one.area, rel=ROUNDING)
         assert other.volume == pytest.approx(one.volume, rel=1e-10)
         assert other.mean_edge == pytest.approx(one.mean_edge, rel=ROUNDING)
         assert other.radius_variation == pytest.approx(one.radius_variation, rel=ROUNDING, abs=1e-14)
         np.testing.assert_allclose(other.centroid, one.centroid, rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("name", ["stone, 1,500", "open"])
+def test_momentum(name):
+    mesh = MESHES[name]
+    V, previous = np.array(mesh.vertices), jittered(mesh, 0.01).vertices
+    reference, compiled = both(mesh, ROBUST)
+    expected = reference.transform(V, Stage(1, 1, 1), 1e-3, 0.5, previous=previous, momentum=0.7)
+    actual = compiled.transform(V, Stage(1, 1, 1), 1e-3, 0.5, previous=previous, momentum=0.7)
+    assert np.abs(actual - expected).max() <= ROUNDING * np.abs(expected).max()
+    np.testing.assert_array_equal(
+        actual, compiled.transform(V + 0.7 * (V - previous), Stage(1, 1, 1), 1e-3, 0.5)
+    )
 
 
 @pytest.mark.parametrize("measure", MEASURES)
@@ -248,9 +262,10 @@ def test_a_collapse_is_the_same():
     assert other.iteration == one.iteration
 
 
+@pytest.mark.parametrize("config", [PAPER, ROBUST], ids=["paper", "robust"])
 @pytest.mark.parametrize("mesh", [sample("non-convex-sphere", 252), open_bump(12)], ids=["closed", "open"])
-def test_a_resumed_run_is_the_same_run(mesh):
-    config = replace(ROBUST, iterations=24)
+def test_a_resumed_run_is_the_same_run(mesh, config):
+    config = replace(config, iterations=24)
     states = list(flow(mesh, config, engine="compiled"))
     for at in (1, 7, 23):
         rest = list(flow(mesh, config, engine="compiled", resume=states[at].checkpoint()))

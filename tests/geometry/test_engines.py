@@ -20,7 +20,7 @@ from spherify.geometry.presets import PRESETS
 from spherify.geometry.topology import Topology
 from tests.geometry.shapes import open_bump, sample
 
-ROBUST = PRESETS["robust"].config
+PAPER, ROBUST = (PRESETS[name].config for name in ("paper", "robust"))
 WITHOUT_NUMBA = (
     "import sys; sys.modules['numba'] = None\n"  # importing it fails, as where it is not installed
 )
@@ -49,33 +49,54 @@ def test_the_same_bytes_with_any_number_of_threads(large, preset, exponent):
         assert others == figures[0]
 
 
-def test_positions_that_are_still_loaded_are_only_those_seen_last():
-    """What is asked in between changes no byte, and leaves loaded what was."""
+@pytest.mark.parametrize("config", [PAPER, ROBUST], ids=["paper", "robust"])
+def test_positions_that_are_still_loaded_are_only_those_seen_last(config):
+    """What is asked in between changes no byte, and leaves loaded what was; nor does what is known of its curvature."""
     mesh, T, centre = sample("stone", 500), Stage(1, 1, 1), np.array([0.1, 0.0, 0.0])
     topology = Topology.of(len(mesh.vertices), mesh.faces)
-    kernel, V = CompiledEngine().prepare(topology, ROBUST), np.array(mesh.vertices)
+    kernel, V, relaxation = (
+        CompiledEngine().prepare(topology, config),
+        np.array(mesh.vertices),
+        config.relaxation,
+    )
 
     def fresh():
-        return CompiledEngine().prepare(topology, ROBUST)
+        return CompiledEngine().prepare(topology, config)
 
     def assert_same(positions, expected):
         assert positions.tobytes(order="C") == expected.tobytes(order="C")
 
-    first = kernel.transform(V, T, 1e-3, 0.5)
+    first = kernel.transform(V, T, 1e-3, relaxation)
     assert repr(kernel.shape(first)) == repr(fresh().shape(first))
     assert repr(kernel.shape(V)) == repr(fresh().shape(V))
     assert kernel.figures(first, centre) == fresh().figures(first, centre)
-    second = kernel.transform(first, T, 1e-3, 0.5)
-    assert_same(second, fresh().transform(np.array(first), T, 1e-3, 0.5))
+    second = kernel.transform(first, T, 1e-3, relaxation)
+    assert_same(second, fresh().transform(np.array(first), T, 1e-3, relaxation))
     scaled = kernel.scaled(second, centre, 1.1)
     assert kernel.figures(scaled, centre) == fresh().figures(scaled, centre)
     assert kernel.figures(second, centre) == fresh().figures(second, centre)
     assert_same(kernel.scaled(second, centre, 1.1), scaled)
-    third = kernel.transform(scaled, T, 1e-3, 0.5)
-    assert_same(third, fresh().transform(np.array(scaled), T, 1e-3, 0.5))
-    assert_same(third, kernel.transform(scaled, T, 1e-3, 0.5))
+    third = kernel.transform(scaled, T, 1e-3, relaxation)
+    assert_same(third, fresh().transform(np.array(scaled), T, 1e-3, relaxation))
+    assert_same(third, kernel.transform(scaled, T, 1e-3, relaxation))
     with pytest.raises(ValueError, match="read-only"):
         third[0] = 0.0
+    kernel.shape(third)
+    assert kernel.figures(scaled, centre) == fresh().figures(scaled, centre)
+    assert_same(kernel.transform(third, T, 1e-3, relaxation), fresh().transform(third, T, 1e-3, relaxation))
+
+
+def test_momentum_goes_on_from_what_was_moved_last():
+    """Positions of the iteration before are kept, and loaded where they are others."""
+    mesh, T = sample("stone", 500), Stage(1, 1, 1)
+    topology = Topology.of(len(mesh.vertices), mesh.faces)
+    kernel, states = CompiledEngine().prepare(topology, ROBUST), [np.array(mesh.vertices)] * 2
+    for momentum in (0.0, 0.25, 0.4, 0.0, 0.25, 0.4):
+        previous, here = states[-2:]
+        states.append(kernel.transform(here, T, 1e-3, 0.5, previous=previous, momentum=momentum))
+        fresh = CompiledEngine().prepare(topology, ROBUST)
+        expected = fresh.transform(here.copy(), T, 1e-3, 0.5, previous=previous.copy(), momentum=momentum)
+        assert states[-1].tobytes(order="C") == expected.tobytes(order="C")
 
 
 def test_positions_that_are_written_to_are_loaded_again():

@@ -12,9 +12,10 @@ from spherify.geometry.config import Stage
 from spherify.geometry.errors import InvalidConfigError
 from spherify.geometry.presets import ALGORITHM_2
 from spherify.geometry.schedule import (
+    FIRST_ROWS,
+    LEAST_STRIDE,
     MAX_SNAPSHOTS,
     ROWS_AFTERWARDS,
-    ROWS_FROM_THE_START,
     SnapshotPlan,
     is_recorded,
     recorded_iterations,
@@ -128,7 +129,15 @@ def test_rows_follow_from_the_numbers_alone(iterations, data):
     rows = recorded_iterations(iterations, plan)
     assert list(rows) == [i for i in range(iterations + 1) if is_recorded(i, iterations, plan)]
     assert set(plan.iterations) <= set(rows)
-    assert len(rows) <= ROWS_FROM_THE_START + ROWS_AFTERWARDS + len(plan.iterations) + 2
+    assert len(rows) <= len(FIRST_ROWS) + ROWS_AFTERWARDS + len(plan.iterations) + 2
+
+
+def test_rows_are_dense_at_first_and_never_far_apart():
+    rows = recorded_iterations(400, SnapshotPlan.parse("", 400))
+    gaps = [b - a for a, b in itertools.pairwise(rows)]
+    assert rows[:5] == (0, 1, 2, 3, 4)
+    assert max(gaps) == LEAST_STRIDE
+    assert len(rows) <= 400 * 0.08 + 1  # of a fifth of an iteration each: 2 % of the run
 
 
 def test_a_plan_knows_its_iterations():

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spherify.geometry.kernels.passes import rings, selection, shape
+from spherify.geometry.kernels.passes import rings, selection, shape, whole
 from spherify.geometry.kernels.passes.ascent import Climb
 from spherify.geometry.kernels.passes.types import Buffers, Scratch
 from spherify.geometry.mesh import Floats
@@ -34,16 +34,17 @@ class Space:
     @classmethod
     def of(cls, m: int, threads: int) -> Space:
         """Allocate it for m faces."""
-        lanes = [aligned(shape.SUMS, shape.BLOCK + LINE) for _ in range(threads)]
+        lanes = [aligned(whole.SUMS, shape.BLOCK + LINE) for _ in range(threads)]
         return cls(
-            np.empty(m), lanes, np.empty((-(-m // shape.SEGMENT), shape.SUMS)), np.empty(shape.RESULTS)
+            np.empty(m), lanes, np.empty((-(-m // shape.SEGMENT), whole.SUMS)), np.empty(whole.RESULTS)
         )
 
 
-def buffers(n: int, n_held: int) -> Buffers:
-    """Allocate what the passes write, for n vertices of which some are held."""
+def buffers(n: int, n_held: int, n_runs: int) -> Buffers:
+    """Allocate what the passes write, for n vertices in so many runs, of which some are held."""
     return Buffers(
         position=padded(3, n),
+        previous=np.empty((3, 0)),  # until there is momentum
         moved=np.empty((3, n)),
         normal=np.empty((3, n)),
         curvature=np.empty(n),
@@ -54,6 +55,8 @@ def buffers(n: int, n_held: int) -> Buffers:
         chosen=np.empty((2, n)),
         counts=np.empty(selection.BINS, dtype=np.int64),
         sample=np.empty(selection.SAMPLE),
+        sums=np.empty((n_runs, whole.SUMS)),
+        whole=np.empty(whole.RESULTS),
     )
 
 

@@ -7,31 +7,39 @@ finite is left to the reference, so that a mesh that breaks does so in the same 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from spherify.geometry.config import FlowConfig, Stage
-from spherify.geometry.kernels.buffers import Space, buffers, climb, scratch
-from spherify.geometry.kernels.numbering import Numbering, Part
+from spherify.geometry.kernels.buffers import buffers, climb, scratch
+from spherify.geometry.kernels.faces import ALONE, Faces
+from spherify.geometry.kernels.numbering import Numbering
 from spherify.geometry.kernels.passes import shape
 from spherify.geometry.kernels.passes.ascent import Climb, ascend
 from spherify.geometry.kernels.passes.fans import walk
-from spherify.geometry.kernels.passes.jit import kept
+from spherify.geometry.kernels.passes.jit import code_for, kept
 from spherify.geometry.kernels.passes.levels import by_levels
-from spherify.geometry.kernels.passes.quality import AREA, INWARD, QUALITY, judge
+from spherify.geometry.kernels.passes.movement import unload
+from spherify.geometry.kernels.passes.quality import judge
 from spherify.geometry.kernels.passes.step import work
 from spherify.geometry.kernels.passes.types import (
+    AHEAD,
+    CENTRE,
     CONSTANT,
     EXTREMES,
     HOLD,
+    INTEGRATE,
     MEASURES,
     MOVE,
     MOVED,
     NOT_FINITE,
+    RADII,
     RELAX,
+    RING,
+    SCALE,
+    VARIATION,
     VERTICES,
     Connectivity,
     Found,
@@ -48,8 +56,7 @@ from spherify.geometry.roundness import Shape
 from spherify.geometry.topology import Topology
 from spherify.geometry.unfolding import Unfolded
 
-PASSES_OF_SHAPE: Final = (shape.INTEGRATE, shape.CENTRE, shape.RADII, shape.MOMENTS, shape.SPREAD)
-ALL_MEASURES: Final = sum(PASSES_OF_SHAPE)
+BY_RINGS: Final = (VERTICES + INTEGRATE, CENTRE, RADII, VARIATION)
 ENTRIES: Final[Sequence[Callable[..., Any]]] = (
     walk,
     by_levels,
@@ -60,6 +67,7 @@ ENTRIES: Final[Sequence[Callable[..., Any]]] = (
     unfold,
     spread,
     ascend,
+    unload,
 )
 """All that Python calls."""
 WORTH_SHARING: Final = 20_000  # vertices; below, handing out the parts takes as long as they do
@@ -75,9 +83,8 @@ class CompiledKernel:
         self._numbering = Numbering.of(topology, held)
         self._mesh = self._numbering.connectivity
         self._team = Team(threads if n >= WORTH_SHARING else 1)
-        self._use = buffers(n, len(held))
+        self._use = buffers(n, len(held), len(self._mesh.runs))
         self._scratch = [scratch() for _ in range(self._team.threads)]
-        self._whole = Space.of(len(topology.faces), self._team.threads)
         self._mode = Mode(
             measure=MEASURES[config.measure],
             window=(float(config.window[0]), float(config.window[1])),
@@ -85,26 +92,46 @@ class CompiledKernel:
             relaxation_exponent=float(config.relaxation_exponent),
         )
         self._parts = self._numbering.parts(self._team.threads)
-        self._closed = topology.closed
+        self._faces = Faces(self._mesh.corners, self._parts, self._team, closed=topology.closed)
+        # What T does next begins with the very rings of what is measured, if nothing is done in between.
+        nothing_between = config.momentum == 0 and config.rescale == "none"
+        plain = config.step_bound == 0 and config.relaxation == 0
+        self._by_rings = nothing_between and plain and bool((self._mesh.runs[:, 2] == RING).all())
         self._neighbours: NDArray[np.uint32] | None = None  # made when first needed
         self._climb: Climb | None = None  # likewise
+        self._curved: list[Found] | None = None  # of the positions loaded, part by part, as long as they stay
         self._positions = Positions(self._use.position, self._numbering, self._parts, self._team)
+        self._previous = Positions(self._use.previous, self._numbering, self._parts, self._team)
+        mesh, use, mode = self._mesh, self._use, self._mode
+        self._code = code_for(work, mesh, use, self._scratch[0], mode, self._task())
         self._edge_count = len(topology.edges)
         self._single = self._numbering.place[topology.edges[topology.boundary_edges]]
 
-    def transform(self, V: Floats, stage: Stage, step: float, relaxation: float) -> Floats | None:
+    def transform(
+        self,
+        V: Floats,
+        stage: Stage,
+        step: float,
+        relaxation: float,
+        *,
+        previous: Floats | None = None,
+        momentum: float = 0.0,
+    ) -> Floats | None:
         """See `spherify.geometry.kernels.interface.Kernel.transform`."""
-        self._positions.load(V)
-        end = self._moved(stage, float(step), float(relaxation))
+        curved = self._load(V)
+        if previous is not None and momentum > 0:
+            self._go_ahead(V, previous, float(momentum))
+            curved = None
+        end = self._moved(stage, float(step), float(relaxation), curved)
         if end == CONSTANT:
             return None
         if end == NOT_FINITE:
-            return self._reference.transform(V, stage, step, relaxation)
+            return self._reference.transform(V, stage, step, relaxation, previous=previous, momentum=momentum)
         return self._positions.unloaded()
 
     def transform_radially(self, V: Floats, stage: Stage, step: float, centre: Floats) -> Floats | None:
         """See `spherify.geometry.kernels.interface.Kernel.transform_radially`."""
-        self._positions.load(V)
+        self._load(V)
         for outward in [False] * stage.k_in + [True] * stage.k_out:
             found = self._curvature(Task(0, *self._parts[0], 1, 0, step, 0.0))
             if found.end == CONSTANT:
@@ -120,7 +147,7 @@ class CompiledKernel:
     ) -> Unfolded:
         """See `spherify.geometry.kernels.interface.Kernel.unfold`."""
         mesh = self._mesh
-        self._positions.load(V)
+        self._load(V)
         weights = log_weights[self._numbering.order]
         inward, least_area = unfold(
             self._use.position,
@@ -137,7 +164,7 @@ class CompiledKernel:
 
     def spread(self, V: Floats, centre: Floats, rounds: int) -> Unfolded:
         """See `spherify.geometry.kernels.interface.Kernel.spread`."""
-        self._positions.load(V)
+        self._load(V)
         inward, least_area = spread(self._use.position, self._mesh.corners, centre, rounds)
         return Unfolded(self._positions.unloaded(), np.zeros(0), inward, least_area)
 
@@ -145,7 +172,7 @@ class CompiledKernel:
         """See `spherify.geometry.kernels.interface.Kernel.ascend`."""
         if self._climb is None:
             self._climb = climb(len(V), self._mesh.corners.shape[1])
-        self._positions.load(V)
+        self._load(V)
         for k in range(3):
             np.take(previous[:, k], self._numbering.order, out=self._climb.moved[:, k], mode="clip")
         ascend(self._use.position, self._mesh.corners, centre, momentum, self._climb)
@@ -153,14 +180,14 @@ class CompiledKernel:
 
     def shape(self, V: Floats) -> Shape:
         """See `spherify.geometry.kernels.interface.Kernel.shape`."""
-        self._positions.load(V, to_move=False)
-        parts = list(enumerate(self._parts))
-        if len(parts) == 1:
-            self._measure(parts[0], ALL_MEASURES)
-        for passes in () if len(parts) == 1 else PASSES_OF_SHAPE:
-            alone = passes in {shape.CENTRE, shape.SPREAD}
-            self._team.each(partial(self._measure, passes=passes), parts[: 1 if alone else None])
-        area, volume, x, y, z, edges, variation, _ = map(float, self._whole.result)
+        self._load(V, to_move=False)
+        if self._by_rings:
+            self._curved = self._measured_by_rings()
+            result = self._use.whole
+        else:
+            self._curved = None  # its memory is needed
+            result = self._faces.measure(self._use.position, self._use.curvature)
+        area, volume, x, y, z, edges, variation, _ = result.tolist()
         if len(self._single):  # the sum over the faces has these once, all others twice
             position = self._use.position
             a, b = position[:, self._single[:, 0]], position[:, self._single[:, 1]]
@@ -169,39 +196,58 @@ class CompiledKernel:
 
     def figures(self, V: Floats, centre: Floats) -> Figures:
         """See `spherify.geometry.kernels.interface.Kernel.figures`."""
-        self._positions.load(V, to_move=False)
-        curved = self._together(Task(0, *self._parts[0], 1, 0, 0.0, 0.0), VERTICES)
+        curved = self._load(V, to_move=False)
+        if curved is None:
+            curved = self._curved = self._together(Task(0, *self._parts[0], 1, 0, 0.0, 0.0), VERTICES)
         if any(part.end == NOT_FINITE for part in curved):
             return self._reference.figures(V, centre)
-        judged = self._team.each(partial(self._judge, centre=centre), list(enumerate(self._parts)))
-        worst, smallest, nearest, farthest = zip(*judged, strict=True)
-        sums, faces = self._whole.sums.sum(axis=0), self._mesh.corners.shape[1]
-        mean_area = float(sums[AREA]) / faces
-        return Figures(
-            radius_ratio=min(nearest) / max(farthest) if max(farthest) > 0 else 0.0,
-            curvature_min=min(part.K_min for part in curved),
-            curvature_max=max(part.K_max for part in curved),
-            mean_quality=float(sums[QUALITY]) / faces,
-            least_quality=min(worst),
-            inward_faces=int(sums[INWARD]),
-            least_area=min(smallest) / mean_area if mean_area > 0 else 0.0,
-        )
+        return self._faces.figures(self._use.position, centre, curved)
 
     def scaled(self, V: Floats, centre: Floats, factor: float) -> Floats:
         """See `spherify.geometry.kernels.interface.Kernel.scaled`."""
-        return self._positions.scaled(V, centre, factor)
+        self._load(V)
+        cx, cy, cz = centre.tolist()
+        self._together(self._task(centre=(cx, cy, cz), factor=float(factor)), SCALE)
+        return self._positions.unloaded()
 
-    def _moved(self, stage: Stage, step: float, relaxation: float) -> int:
-        """Apply T to the positions loaded; return how it ended."""
+    def _go_ahead(self, V: Floats, previous: Floats, momentum: float) -> None:
+        """Go on from V, which is loaded, by its way from ``previous``; V is kept as what is previous next time."""
+        if not self._use.previous.size:
+            self._use = self._use._replace(previous=np.empty_like(self._use.position))
+            self._previous = Positions(self._use.previous, self._numbering, self._parts, self._team)
+        self._previous.load(previous)
+        self._together(self._task(momentum=momentum), AHEAD)
+        self._previous.hold(V)
+
+    def _task(self, **others: Any) -> Task:  # noqa: ANN401 - the rest of a Task
+        """Return a task of no elementary step, for the first part."""
+        return Task(0, *self._parts[0], 0, 0, 0.0, 0.0, **others)
+
+    def _load(self, V: Floats, *, to_move: bool = True) -> list[Found] | None:
+        """Load positions, see `Positions.load`; return what is known of their curvature, then in the buffers."""
+        there = self._positions.load(V, to_move=to_move)
+        curved = self._curved if there else None
+        self._curved = None if to_move else curved
+        return curved
+
+    def _moved(self, stage: Stage, step: float, relaxation: float, curved: list[Found] | None) -> int:
+        """Apply T to the positions loaded, of which the curvature may be known; return how it ended."""
+        if relaxation > 0:
+            curved = None  # the greatest area is not known
         task = Task(
             VERTICES + EXTREMES + MOVE + HOLD, *self._parts[0], stage.k_in, stage.k_out, step, relaxation
         )
         relaxing = RELAX if relaxation > 0 else 0
         if len(self._parts) == 1:
-            return int(self._work((0, task._replace(passes=task.passes + relaxing))).end)
+            task = task._replace(passes=task.passes + relaxing)
+            if curved is not None:
+                if curved[0].end == NOT_FINITE:
+                    return NOT_FINITE
+                task = task._replace(known=True, K_min=curved[0].K_min, K_max=curved[0].K_max)
+            return int(self._work((0, task)).end)
         for outward in [0] * stage.k_in + [1] * stage.k_out:
             one = task._replace(k_in=1 - outward, k_out=outward)
-            found = self._curvature(one)
+            found, curved = self._curvature(one, curved), None
             if found.end != MOVED:
                 return found.end
             self._together(one._replace(K_min=found.K_min, K_max=found.K_max, greatest=found.greatest), MOVE)
@@ -210,9 +256,10 @@ class CompiledKernel:
             self._work((0, one._replace(passes=HOLD)))
         return MOVED
 
-    def _curvature(self, one: Task) -> Found:
-        """Compute curvature and normals of the positions loaded; return the extremes of the window."""
-        parts = self._together(one, VERTICES)
+    def _curvature(self, one: Task, parts: list[Found] | None = None) -> Found:
+        """Compute curvature and normals of the positions loaded, if not known; return the extremes of the window."""
+        if parts is None:
+            parts = self._together(one, VERTICES)
         if any(part.end == NOT_FINITE for part in parts):
             return Found(NOT_FINITE, np.nan, np.nan, 0.0)
         lowest, highest = min(part.K_min for part in parts), max(part.K_max for part in parts)
@@ -235,43 +282,21 @@ class CompiledKernel:
 
     def _work(self, numbered: tuple[int, Task]) -> Found:
         thread, task = numbered
-        found: Found = work(self._mesh, self._use, self._scratch[thread], self._mode, task)
+        found: Found = self._code(self._mesh, self._use, self._scratch[thread], self._mode, task)
         return found
 
-    def _measure(self, numbered: tuple[int, Part], passes: int) -> None:
-        thread, part = numbered
-        use, whole, segments = self._use, self._whole, len(self._whole.sums)
-        shape.measure(
-            use.position,
-            self._mesh.corners,
-            whole.area,
-            use.curvature,
-            whole.lanes[thread],
-            whole.sums,
-            whole.result,
-            self._closed,
-            passes,
-            segments * thread // len(self._parts),
-            segments * (thread + 1) // len(self._parts),
-            part.first,
-            part.last,
-        )
-
-    def _judge(self, numbered: tuple[int, Part], centre: Floats) -> tuple[float, float, float, float]:
-        thread, part = numbered
-        whole, segments = self._whole, len(self._whole.sums)
-        judged: tuple[float, float, float, float] = judge(
-            self._use.position,
-            self._mesh.corners,
-            centre,
-            whole.lanes[thread],
-            whole.sums,
-            segments * thread // len(self._parts),
-            segments * (thread + 1) // len(self._parts),
-            part.first,
-            part.last,
-        )
-        return judged
+    def _measured_by_rings(self) -> list[Found]:
+        """Measure the positions loaded along with curvature and normals, which the next step begins with."""
+        task = Task(sum(BY_RINGS), *self._parts[0], 1, 0, 0.0, 0.0)
+        if len(self._parts) == 1:
+            return [self._work((0, task))]
+        curved = self._together(task, BY_RINGS[0])
+        for passes in BY_RINGS[1:]:
+            if passes in ALONE:
+                self._work((0, task._replace(passes=passes)))
+            else:
+                self._together(task, passes)
+        return curved
 
     def _around(self) -> NDArray[np.uint32]:
         """(3m,) neighbours of the vertices, made when first needed."""
@@ -308,7 +333,8 @@ class CompiledEngine:
         """Make or load the machine code, which else the first step does; see `passes.jit` for where it is kept."""
         faces = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
         corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 2.0]])
-        kernel = self.prepare(Topology.of(4, faces), FlowConfig(iterations=1))
+        # With momentum, for it is measured by its faces then; what its rings take is part of a step.
+        kernel = self.prepare(Topology.of(4, faces), FlowConfig(iterations=1, momentum=0.5))
         kernel.transform(corners, Stage(1, 1, 0), 0.1, 0.0)
         centre = kernel.shape(corners).centroid
         kernel.figures(corners, centre)

@@ -15,7 +15,16 @@ from spherify.geometry.unfolding import Unfolded
 class Kernel(Protocol):
     """The transformation, prepared for one connectivity and one configuration. Same input, same bits."""
 
-    def transform(self, V: Floats, stage: Stage, step: float, relaxation: float) -> Floats | None:
+    def transform(
+        self,
+        V: Floats,
+        stage: Stage,
+        step: float,
+        relaxation: float,
+        *,
+        previous: Floats | None = None,
+        momentum: float = 0.0,
+    ) -> Floats | None:
         """Apply T_(k_in, k_out, C) once: k_in inward, then k_out outward elementary steps.
 
         Args:
@@ -23,6 +32,8 @@ class Kernel(Protocol):
             stage: holds k_in and k_out.
             step: C, a length in the unit of V.
             relaxation: fraction of the tangential umbrella vector after each elementary step.
+            previous: (n, 3) positions to go on from: T begins at p + ``momentum`` (p - p_previous).
+            momentum: see above; 0 without ``previous``.
 
         Returns:
             (n, 3) new positions, not necessarily finite; None if the curvature became constant, for then t is

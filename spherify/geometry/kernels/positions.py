@@ -7,6 +7,7 @@ from weakref import ReferenceType, ref
 import numpy as np
 
 from spherify.geometry.kernels.numbering import Numbering, Part
+from spherify.geometry.kernels.passes.movement import unload
 from spherify.geometry.kernels.team import Team
 from spherify.geometry.mesh import Floats
 
@@ -22,19 +23,21 @@ class Positions:
         self._team = team
         self._loaded: ReferenceType[Floats] | None = None
 
-    def load(self, V: Floats, *, to_move: bool = True) -> None:
+    def load(self, V: Floats, *, to_move: bool = True) -> bool:
         """Take V (n, 3) into the order of the passes, unless it is there: what was seen last, if nobody can write it.
 
         Args:
             V: positions.
             to_move: whether the buffer will not hold them for long.
 
+        Returns:
+            whether it was there.
+
         """
-        unchanging = V.flags.owndata and not V.flags.writeable
-        there = unchanging and self._loaded is not None and self._loaded() is V
-        self._loaded = ref(V) if unchanging and not to_move else None
+        there = self._loaded is not None and self._loaded() is V
+        self.hold(None if to_move else V)
         if there:
-            return
+            return True
 
         def take(part: Part) -> None:
             span = slice(part.first, part.last)
@@ -42,30 +45,21 @@ class Positions:
                 np.take(V[:, k], self._numbering.order[span], out=self._buffer[k, span], mode="clip")
 
         self._team.each(take, self._parts)
+        return False
 
     def unloaded(self) -> Floats:
         """Return what is loaded in the order of the mesh, (n, 3), read-only, so that it is known again."""
         moved = np.empty((len(self._numbering.place), 3), order="F")
 
         def take(part: Part) -> None:
-            span = slice(part.first, part.last)
-            for k in range(3):
-                np.take(self._buffer[k], self._numbering.place[span], out=moved[span, k], mode="clip")
+            unload(self._buffer, self._numbering.place, moved.T, part.first, part.last)
 
         self._team.each(take, self._parts)
-        return self._known(moved)
+        moved.setflags(write=False)
+        self.hold(moved)
+        return moved
 
-    def scaled(self, V: Floats, centre: Floats, factor: float) -> Floats:
-        """Return V scaled about ``centre``, (n, 3), read-only; it is loaded then, without going back and forth."""
-        self.load(V, to_move=False)
-        moved = np.empty_like(V, order="F")
-        for before, after in ((V.T, moved.T), (self._buffer, self._buffer)):
-            np.subtract(before, centre[:, None], out=after)
-            np.multiply(after, factor, out=after)
-            np.add(after, centre[:, None], out=after)
-        return self._known(moved)
-
-    def _known(self, V: Floats) -> Floats:
-        V.setflags(write=False)
-        self._loaded = ref(V)
-        return V
+    def hold(self, V: Floats | None) -> None:
+        """Note that the buffer holds V (n, 3), which is known again if nobody can write it; or nothing known."""
+        unchanging = V is not None and V.flags.owndata and not V.flags.writeable
+        self._loaded = ref(V) if V is not None and unchanging else None

@@ -26,8 +26,19 @@ class ReferenceKernel:
         self._config = config
         self._held = topology.boundary_vertices if config.boundary == "fixed" else np.zeros(0, dtype=np.int64)
 
-    def transform(self, V: Floats, stage: Stage, step: float, relaxation: float) -> Floats | None:
+    def transform(
+        self,
+        V: Floats,
+        stage: Stage,
+        step: float,
+        relaxation: float,
+        *,
+        previous: Floats | None = None,
+        momentum: float = 0.0,
+    ) -> Floats | None:
         """See `spherify.geometry.kernels.interface.Kernel.transform`."""
+        if previous is not None and momentum > 0:
+            V = V + momentum * (V - previous)
         return self._applied(V, stage, partial(self._elementary_step, step=step, relaxation=relaxation))
 
     def transform_radially(self, V: Floats, stage: Stage, step: float, centre: Floats) -> Floats | None:

@@ -81,6 +81,7 @@ class CurvatureTransformation:
         self._rounds = 0 if self._unfolding is None else self._unfolding.rounds
         self._exponent = 0.0 if self._unfolding is None else self._unfolding.exponent
         self._folds: Unfolded | None = None  # of the last iteration, for `remember`
+        self._read: tuple[Memory, Control] | None = None  # of the last state that was asked about
         self._decided: tuple[Progress, Next] | None = None  # what follows a state
         self._kernel: Kernel = engine.prepare(topology, config)
         self._unit = unit
@@ -128,14 +129,14 @@ class CurvatureTransformation:
 
     def settled(self, progress: Progress) -> bool:
         """See `Method.settled`: not on the sphere, nor while T still raises the sphericity after that."""
-        control = Control.of(progress)
+        control = self._control(progress)
         if control.phase in {Phase.SMOOTHING, Phase.STAR}:
             return control.waited >= LOOKED_EVERY
         return control.phase == Phase.NORMALS
 
     def stalled(self, progress: Progress) -> str | None:
         """See `Method.stalled`: annealed down to the least step, or unfolding to no end."""
-        annealing, control = self._config.annealing, Control.of(progress)
+        annealing, control = self._config.annealing, self._control(progress)
         if annealing is None or control.phase == Phase.FOLDED:
             return None
         if control.given_up:
@@ -171,12 +172,10 @@ class CurvatureTransformation:
             along = ahead if moved is None else moved  # None: the same curvature everywhere
             moved = self._kernel.ascend(along, previous, centre, min(control.momentum, MOMENTUM))
         else:
-            ahead = here
-            if control.momentum > 0:
-                ahead = here - previous
-                ahead *= control.momentum
-                ahead += here
-            moved = self._kernel.transform(ahead, stage, step, self._config.relaxation * control.annealing)
+            relaxation = self._config.relaxation * control.annealing
+            moved = self._kernel.transform(
+                here, stage, step, relaxation, previous=previous, momentum=control.momentum
+            )
         return Standstill(STANDSTILL) if moved is None else moved
 
     def remember(self, progress: Progress, shape: Shape, factor: float) -> Memory:
@@ -227,6 +226,12 @@ class CurvatureTransformation:
             shape.sphericity < self._unfolding.sphericity and shape.radius_variation < ROUND_ENOUGH
         )
 
+    def _control(self, progress: Progress) -> Control:
+        """Return the control of a state, read once."""
+        if self._read is None or self._read[0] is not progress.memory:
+            self._read = progress.memory, Control.of(progress)
+        return self._read[1]
+
     def _next(self, progress: Progress) -> Next:
         """Return what the next iteration begins with; on the sphere if that begins with it. Decided once a state."""
         if self._decided is None or self._decided[0] is not progress:
@@ -234,7 +239,7 @@ class CurvatureTransformation:
         return self._decided[1]
 
     def _decision(self, progress: Progress) -> Next:
-        control, looked = Control.of(progress), progress.iteration % LOOKED_EVERY == 0
+        control, looked = self._control(progress), progress.iteration % LOOKED_EVERY == 0
         here, centre = progress.position, progress.memory["centre"]
         if self._unfolding is None:
             return Next(control, here, centre)
@@ -303,7 +308,7 @@ class CurvatureTransformation:
         return {
             Phase.SPHERE: progress.memory["previous"],
             Phase.FOLDED: progress.best_position,
-        }.get(Phase(int(Control.of(progress).phase)), progress.position)
+        }.get(Phase(int(self._control(progress).phase)), progress.position)
 
     def _smoothed(self, progress: Progress, control: Control, *, over: bool) -> Control:
         """Return the control if something may have folded while T went on along the normals, ``over`` or not."""

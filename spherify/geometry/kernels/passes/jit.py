@@ -15,7 +15,7 @@ from typing import Any, TypeVar, cast
 
 import llvmlite.binding as llvm
 from numba import config as _config
-from numba import njit
+from numba import njit, typeof
 from numba.core.caching import FunctionCache
 from numba.core.compiler import Compiler
 from numba.core.runtime.nrt import rtsys
@@ -106,6 +106,19 @@ def entry(function: F) -> F:
     with suppress(RuntimeError):
         compiled._cache = _Kept(function)
     return cast(F, compiled)
+
+
+def code_for(compiled: Callable[..., Any], *arguments: object) -> Callable[..., Any]:
+    """Return the machine code of an entry for arguments of these types, made or loaded now.
+
+    It must be given no others: numba's own call looks at the type of each argument first, which for the forty arrays
+    of a step takes as long as a thousand vertices do.
+    """
+    dispatcher: Any = compiled
+    types = tuple(map(typeof, arguments))
+    dispatcher.compile(types)
+    code: Callable[..., Any] = dispatcher.overloads[types].entry_point
+    return code
 
 
 def kept(compiled: Callable[..., Any]) -> bool:

@@ -1,9 +1,11 @@
-"""The elementary steps I_C and O_C themselves."""
+"""The elementary steps I_C and O_C themselves, and what moves all vertices alike."""
 
 from __future__ import annotations
 
-from spherify.geometry.kernels.passes.jit import inner
-from spherify.geometry.kernels.passes.types import Floats, Index
+import numpy as np
+
+from spherify.geometry.kernels.passes.jit import entry, inner
+from spherify.geometry.kernels.passes.types import Floats, Index, Ints
 
 
 @inner
@@ -52,3 +54,34 @@ def move_to(
         mx[p] = x[p] + along * px[p]
         my[p] = y[p] + along * py[p]
         mz[p] = z[p] + along * pz[p]
+
+
+@inner
+def go_ahead(position: Floats, previous: Floats, momentum: float, low: Index, high: Index) -> None:
+    """Go on from vertices by ``momentum`` times the way from where they were; where they are is previous then."""
+    for k in range(3):
+        x, before = position[k], previous[k]
+        for p in range(low, high):
+            here = x[p]
+            x[p] = momentum * (here - before[p]) + here
+            before[p] = here
+
+
+@inner
+def scale(
+    position: Floats, centre: tuple[float, float, float], factor: float, low: Index, high: Index
+) -> None:
+    """Scale vertices about a centre: c + factor·(p - c)."""
+    for k in range(3):
+        x, c = position[k], centre[k]
+        for p in range(low, high):
+            x[p] = (x[p] - c) * factor + c
+
+
+@entry
+def unload(position: Floats, place: Ints, V: Floats, low: Index, high: Index) -> None:
+    """Write positions (3, n) in places to V (3, n), some vertices of the mesh."""
+    for k in range(3):
+        x, to = position[k], V[k]
+        for i in range(low, high):
+            to[i] = x[np.uint64(place[i])]

@@ -46,7 +46,7 @@ from spherify.geometry.kernels.passes.vectors import cross, dot, longer, sized
 STRIDE = (
     BLOCK + LANES
 )  # rows that do not begin at equal places within a page, where loads would wait for stores
-ROWS = 21
+ROWS = 29
 ANGLES = MOST * BLOCK + LANES
 
 
@@ -153,6 +153,23 @@ def end(
 
 
 @inner
+def add_volumes(
+    x: Floats, y: Floats, z: Floats, nx: Floats, ny: Floats, nz: Floats, volume: Floats, low: Lane, wide: Lane
+) -> None:  # fmt: skip
+    """Add p · N of a face each."""
+    for k in range(Lane(0), wide):
+        p = low + k
+        volume[k] += dot((x[p], y[p], z[p]), (nx[k], ny[k], nz[k]))
+
+
+@inner
+def add_lengths(length: Floats, lengths: Floats, at: Lane, wide: Lane) -> None:
+    """Add the length of an edge each."""
+    for k in range(Lane(0), wide):
+        lengths[k] += length[at + k]
+
+
+@inner
 def any_flat(flat: NDArray[np.int64], count: Index) -> bool:
     """Whether a vertex of the block has a face that is flat to rounding."""
     found = np.int64(0)
@@ -167,25 +184,31 @@ def ring_block(
     K: Floats, px: Floats, py: Floats, pz: Floats, area: Floats, altitude: Floats,
     sx: Floats, sy: Floats, sz: Floats, areas: Floats, least_over: Floats, least_under: Floats, sum_K: Floats,
     ex: Floats, ey: Floats, ez: Floats, dx: Floats, dy: Floats, dz: Floats, dd: Floats,
-    nx: Floats, ny: Floats, nz: Floats, size: Floats,
+    nx: Floats, ny: Floats, nz: Floats, size: Floats, volume: Floats, lengths: Floats,
     flat: NDArray[np.int64], sine: Floats, cosine: Floats, both: Floats, length: Floats,
-    measure: int, bounded: bool, low: Lane, count: Lane, degree: Lane, at: Lane, step: Lane,
+    measure: int, bounded: bool, measured: bool, low: Lane, count: Lane, degree: Lane, at: Lane, step: Lane,
 ) -> None:  # fmt: skip
     """Compute a block of at most BLOCK vertices of the same degree.
 
     Their neighbours of place j lie at ``ring[at + j·step]`` and behind. The rows are given one by one: taking them
-    from an array, for each block, costs more than adding up its angles.
+    from an array, for each block, costs more than adding up its angles. ``measured``, unless ``bounded``: fill also
+    ``volume``, Σ p · N_j, and ``lengths``, Σ |d_j|.
     """
     wide = (count + Lane(LANES - 1)) // Lane(LANES) * Lane(LANES)
     for k in range(Lane(0), wide):
         sum_K[k] = 0.0
+    if measured:
+        for k in range(Lane(0), wide):
+            volume[k], lengths[k] = 0.0, 0.0
     if Lane(FEWEST) <= degree <= Lane(MOST):
         straight(
-            ring, x, y, z, sx, sy, sz, areas, least_over, least_under, flat, sine, cosine, both, length,
-            low, wide, at, step, degree, bounded,
+            ring, x, y, z, sx, sy, sz, areas, least_over, least_under, volume, flat, sine, cosine, both, length,
+            low, wide, at, step, degree, bounded, measured,
         )  # fmt: skip
         for j in range(Lane(0), degree):
             bend(sine, cosine, both, length, sum_K, measure == VTK, j * Lane(BLOCK), count, wide)
+            if measured:
+                add_lengths(length, lengths, j * Lane(BLOCK), wide)
     else:
         begin(
             ring, x, y, z, ex, ey, ez, dx, dy, dz, dd, nx, ny, nz, size,
@@ -198,6 +221,9 @@ def ring_block(
                 low, wide, at if j == degree else at + j * step,
             )  # fmt: skip
             bend(sine, cosine, both, length, sum_K, measure == VTK, Lane(0), count, wide)
+            if measured:
+                add_volumes(x, y, z, nx, ny, nz, volume, low, wide)
+                add_lengths(length, lengths, Lane(0), wide)
     scale = (3.0 if measure == VTK else 1.0) / degree
     end(
         sx, sy, sz, sum_K, areas, least_over, least_under, K, px, py, pz, area, altitude,

@@ -5,7 +5,6 @@ Sums go by segments of faces, which are the same whoever adds them up: the bytes
 
 from __future__ import annotations
 
-import math
 from typing import Final
 
 import numpy as np
@@ -13,25 +12,14 @@ import numpy as np
 from spherify.geometry.kernels.passes.arithmetic import fma
 from spherify.geometry.kernels.passes.jit import entry, inner
 from spherify.geometry.kernels.passes.totals import total_of
-from spherify.geometry.kernels.passes.types import Floats, Index, Indices
+from spherify.geometry.kernels.passes.types import CENTRE, INTEGRATE, RADII, VARIATION, Floats, Index, Indices
+from spherify.geometry.kernels.passes.whole import centre, length, variation
 
 BLOCK = 128  # faces; each of its places has sums of its own, so that none waits for another
 SEGMENT = 64 * BLOCK
-SUMS = 8
-RESULTS = 8
+PER_FACE: Final = 6.0  # the weights, twice the area for each of the corners, over the area
 
-# The passes, in this order; a call names some.
-INTEGRATE: Final = 1
-CENTRE: Final = 2  # by one thread
-RADII: Final = 4
-MOMENTS: Final = 8
-SPREAD: Final = 16  # by one thread
-
-
-@inner
-def length(x: float, y: float, z: float) -> float:
-    """√(x² + y² + z²): by the processor's own root, which has nothing else to do while others fetch."""
-    return math.sqrt(fma(x, x, fma(y, y, z * z)))
+MOMENTS: Final = 512  # a pass between RADII and VARIATION
 
 
 @inner
@@ -98,7 +86,7 @@ def vector_area(
 
 
 @entry
-def measure(  # noqa: PLR0912 - one entry, for each takes time to load
+def measure(
     position: Floats, corners: Indices, area: Floats, radius: Floats, lanes: Floats, sums: Floats,
     result: Floats, closed: bool, passes: int, first_segment: int, last_segment: int, first: Index, last: Index,
 ) -> None:  # fmt: skip
@@ -150,18 +138,12 @@ def measure(  # noqa: PLR0912 - one entry, for each takes time to load
                 low = high
             for k in range(6):
                 sums[s, k] = total_of(lanes[k])
+            sums[s, 0] *= 3
     if passes & CENTRE:
-        twice = total_of(sums[:, 0])
-        result[0], result[1], result[5] = 0.5 * twice, total_of(sums[:, 1]) / 6, total_of(sums[:, 5])
-        for k in range(3):
-            result[2 + k] = (
-                total_of(sums[:, 2 + k]) / (3 * twice) if twice != 0 else total_of(position[k]) / n
-            )
+        centre(position, sums, PER_FACE, result)
         if not closed:
             vx, vy, vz = vector_area(x, y, z, a, b, c)
             result[1] -= (result[2] * vx + result[3] * vy + result[4] * vz) / 6
-        dx, dy, dz = x[0] - result[2], y[0] - result[3], z[0] - result[4]
-        result[7] = math.sqrt(dx * dx + dy * dy + dz * dz)
     if passes & RADII:
         distances(x, y, z, result[2], result[3], result[4], radius, first, min(last, n))
     for s in range(first_segment, last_segment):
@@ -173,13 +155,5 @@ def measure(  # noqa: PLR0912 - one entry, for each takes time to load
                 moments(a, b, c, area, radius, result[7], lanes[6], lanes[7], low, high)
                 low = high
             sums[s, 6], sums[s, 7] = total_of(lanes[6]), total_of(lanes[7])
-    if passes & SPREAD:
-        # The variance about a radius, less the square of what that is off the mean by: no digits are lost.
-        weight = 6 * result[0]
-        if weight == 0:
-            result[6] = np.inf
-        else:
-            off = total_of(sums[:, 6]) / weight
-            variance = total_of(sums[:, 7]) / weight - off * off
-            variance = variance if variance > 0 else 0.0 * variance
-            result[6] = math.sqrt(variance) / (result[7] + off)
+    if passes & VARIATION:
+        variation(sums, PER_FACE, result)

@@ -5,18 +5,24 @@ from __future__ import annotations
 import numpy as np
 
 from spherify.geometry.kernels.passes.jit import entry, inner
-from spherify.geometry.kernels.passes.movement import move, move_to
+from spherify.geometry.kernels.passes.movement import go_ahead, move, move_to, scale
 from spherify.geometry.kernels.passes.relaxation import relax, weigh
 from spherify.geometry.kernels.passes.selection import percentiles
 from spherify.geometry.kernels.passes.totals import greatest_of
 from spherify.geometry.kernels.passes.types import (
+    AHEAD,
+    CENTRE,
     CONSTANT,
     EXTREMES,
     HOLD,
+    INTEGRATE,
     MOVE,
     MOVED,
     NOT_FINITE,
+    RADII,
     RELAX,
+    SCALE,
+    VARIATION,
     VERTICES,
     Buffers,
     Connectivity,
@@ -27,6 +33,7 @@ from spherify.geometry.kernels.passes.types import (
     Task,
 )
 from spherify.geometry.kernels.passes.vertices import vertex_pass
+from spherify.geometry.kernels.passes.whole import PER_VERTEX, centre, spread_run, variation
 from spherify.geometry.transformation import EQUAL_CURVATURE
 
 
@@ -69,21 +76,44 @@ def hold(mesh: Connectivity, use: Buffers, back: bool) -> None:
                 use.held_position[k, i] = use.position[k, mesh.held[i]]
 
 
+@inner
+def measure(mesh: Connectivity, use: Buffers, scratch: Scratch, task: Task) -> None:
+    """Go on from the sums that INTEGRATE has left to the figures of the surface."""
+    if task.passes & CENTRE:
+        centre(use.position, use.sums, PER_VERTEX, use.whole)
+    if task.passes & RADII:
+        first, second = scratch.rows[0], scratch.rows[1]
+        for r in range(task.first_run, task.last_run):
+            low, last = mesh.runs[r, 0], mesh.runs[r, 1]
+            spread_run(use.position, use.area, use.whole, first, second, use.sums[r], low, last)
+    if task.passes & VARIATION:
+        variation(use.sums, PER_VERTEX, use.whole)
+
+
 @entry
 def work(mesh: Connectivity, use: Buffers, scratch: Scratch, mode: Mode, task: Task) -> Found:
-    """Apply T to ``use.position``, or do one thread's part of one pass of an elementary step; see `Task`.
+    """Apply T to ``use.position``, or do one thread's part of one pass of an elementary step or of a measurement.
 
-    One function for both: what takes long to compile, the vertices, is compiled once.
+    One function for all: what takes long to compile, the vertices, is compiled once. See `Task`.
     """
     end, found = MOVED, Found(MOVED, np.inf, -np.inf, 0.0)
+    if task.passes & AHEAD:
+        go_ahead(use.position, use.previous, task.momentum, task.first, task.last)
+    if task.passes & SCALE:
+        scale(use.position, task.centre, task.factor, task.first, task.last)
     for i in range(task.k_in + task.k_out):
         K_min, K_max, greatest = task.K_min, task.K_max, task.greatest
-        if task.passes & VERTICES:
-            K_min, K_max, finite = vertex_pass(mesh, use, scratch, mode, task.first_run, task.last_run)
+        if task.passes & VERTICES and (i > 0 or not task.known):
+            measured = task.passes & INTEGRATE != 0
+            K_min, K_max, finite = vertex_pass(
+                mesh, use, scratch, mode, measured, task.first_run, task.last_run
+            )
             exponent = mode.relaxation_exponent
             if task.relaxation > 0 and exponent != 0 and exponent != 1:  # noqa: PLR1714 - a set would be allocated
                 greatest = greatest_of(use.area[task.first : task.last])
             end = MOVED if finite else NOT_FINITE
+        if task.passes & (CENTRE | RADII | VARIATION):
+            measure(mesh, use, scratch, task)
         if task.passes & EXTREMES and end == MOVED:
             K_min, K_max = extremes(use, mode, K_min, K_max)
             end = MOVED if K_min < K_max else CONSTANT

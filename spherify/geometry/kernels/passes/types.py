@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats: TypeAlias = NDArray[np.float64]
+Ints: TypeAlias = NDArray[np.int64]
 Indices: TypeAlias = NDArray[np.uint32]
 Index: TypeAlias = np.uint32
 
@@ -26,6 +27,14 @@ EXTREMES: Final = 2  # by one thread
 MOVE: Final = 4
 RELAX: Final = 8
 HOLD: Final = 16  # by one thread
+# Those of a measurement of the surface along with the vertices, in this order.
+INTEGRATE: Final = 32  # together with VERTICES
+CENTRE: Final = 64  # by one thread
+RADII: Final = 128
+VARIATION: Final = 256  # by one thread
+# Those that move all vertices alike.
+AHEAD: Final = 512
+SCALE: Final = 1024
 
 NONE: Final = 0xFFFFFFFF  # no such index
 RING: Final = 1  # the neighbours of a run are in order, all around; 0: they are in any
@@ -63,6 +72,7 @@ class Buffers(NamedTuple):
 
     Attributes:
         position: (3, n), in and out.
+        previous: (3, n) positions of the iteration before; (3, 0) until there is momentum.
         moved: (3, n) positions after the movement, before the relaxation.
         normal: (3, n) vertex normals.
         curvature: (n,) K.
@@ -73,10 +83,13 @@ class Buffers(NamedTuple):
         chosen: (2, n) values the selection still chooses from.
         counts: (BINS,) of the selection.
         sample: (SAMPLE,) of the selection.
+        sums: (r, SUMS) of the vertices of each run; see `spherify.geometry.kernels.passes.whole`.
+        whole: (RESULTS,) of all of them.
 
     """
 
     position: Floats
+    previous: Floats
     moved: Floats
     normal: Floats
     curvature: Floats
@@ -87,6 +100,8 @@ class Buffers(NamedTuple):
     chosen: Floats
     counts: NDArray[np.int64]
     sample: Floats
+    sums: Floats
+    whole: Floats
 
 
 class Scratch(NamedTuple):
@@ -118,6 +133,7 @@ class Task(NamedTuple):
 
     Attributes:
         passes: VERTICES + …; all of them for one thread, one at a time for several.
+        known: whether the first step begins with curvature and normals as they are, its extremes ``K_min``, ``K_max``.
         first: first vertex of the part.
         last: one behind its last.
         first_run: the run that ``first`` begins.
@@ -129,6 +145,9 @@ class Task(NamedTuple):
         K_min: as EXTREMES takes them and leaves them.
         K_max: as above.
         greatest: area at a vertex, for its weight.
+        momentum: of AHEAD.
+        centre: of SCALE, three coordinates.
+        factor: likewise.
 
     """
 
@@ -144,6 +163,10 @@ class Task(NamedTuple):
     K_min: float = np.inf
     K_max: float = -np.inf
     greatest: float = 0.0
+    known: bool = False
+    momentum: float = 0.0
+    centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    factor: float = 1.0
 
 
 class Found(NamedTuple):

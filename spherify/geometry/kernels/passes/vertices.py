@@ -9,6 +9,7 @@ from spherify.geometry.kernels.passes.jit import inner
 from spherify.geometry.kernels.passes.rings import any_flat, ring_block
 from spherify.geometry.kernels.passes.straight import BLOCK
 from spherify.geometry.kernels.passes.types import RING, Buffers, Connectivity, Floats, Index, Mode, Scratch
+from spherify.geometry.kernels.passes.whole import begin_run, end_run, integrate
 
 
 @inner
@@ -26,9 +27,9 @@ def note_extremes(K: Floats, least: Floats, greatest: Floats, off: Floats, low: 
 
 @inner
 def vertex_pass(
-    mesh: Connectivity, use: Buffers, scratch: Scratch, mode: Mode, first_run: int, last_run: int
-) -> tuple[float, float, bool]:
-    """Compute the vertices of the runs ``first_run`` … ``last_run``.
+    mesh: Connectivity, use: Buffers, scratch: Scratch, mode: Mode, measured: bool, first_run: int, last_run: int
+) -> tuple[float, float, bool]:  # fmt: skip
+    """Compute the vertices of the runs ``first_run`` … ``last_run``; ``measured``: with the sums of the surface.
 
     Returns:
         the extremes of their K, and whether all are finite.
@@ -42,6 +43,8 @@ def vertex_pass(
     sx, sy, sz, areas, over, under, sum_K = rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], rows[6]
     ex, ey, ez, dx, dy, dz, dd = rows[7], rows[8], rows[9], rows[10], rows[11], rows[12], rows[13]
     nx, ny, nz, size = rows[14], rows[15], rows[16], rows[17]
+    volume, lengths = rows[21], rows[22]
+    weights, volumes, mx, my, mz, edges = rows[23], rows[24], rows[25], rows[26], rows[27], rows[28]
     sine, cosine, both, length = scratch.angles[0], scratch.angles[1], scratch.angles[2], scratch.angles[3]
     bounded, ring = mode.step_bound > 0, mesh.ring
     for j in range(least.size):
@@ -50,6 +53,8 @@ def vertex_pass(
         low, last = mesh.runs[r, 0], mesh.runs[r, 1]
         step = np.uint32(last - low)
         at = mesh.runs[r, 4]
+        if measured:
+            begin_run(weights, volumes, mx, my, mz, edges)
         while low < last:
             count = min(np.uint32(BLOCK), np.uint32(last - low))
             by_ring = mesh.runs[r, 2] == RING
@@ -57,8 +62,8 @@ def vertex_pass(
                 ring_block(
                     ring, x, y, z, K, px, py, pz, area, altitude,
                     sx, sy, sz, areas, over, under, sum_K, ex, ey, ez, dx, dy, dz, dd, nx, ny, nz, size,
-                    flat, sine, cosine, both, length,
-                    mode.measure, bounded, np.uint64(low), np.uint64(count), np.uint64(mesh.runs[r, 3]),
+                    volume, lengths, flat, sine, cosine, both, length,
+                    mode.measure, bounded, measured, np.uint64(low), np.uint64(count), np.uint64(mesh.runs[r, 3]),
                     np.uint64(at), np.uint64(step),
                 )  # fmt: skip
             if not by_ring or any_flat(flat, count):
@@ -71,8 +76,12 @@ def vertex_pass(
                             mode.measure, K, px, py, pz, area, altitude, p,
                         )  # fmt: skip
             note_extremes(K, least, greatest, off, low, count)
+            if measured:
+                integrate(x, y, z, area, volume, lengths, weights, volumes, mx, my, mz, edges, low, count)
             low = np.uint32(low + count)
             at = np.uint32(at + count)
+        if measured:
+            end_run(weights, volumes, mx, my, mz, edges, use.sums[r])
     K_min, K_max, finite = np.inf, -np.inf, 0.0
     for j in range(BLOCK):
         K_min = min(K_min, least[j])
