@@ -5,6 +5,7 @@ import { Emitter } from '../core/emitter';
 
 const BUSY_MS = 2000;
 const IDLE_MS = 10_000;
+const AFTER_MS = 10_000; // a run is often followed by another, as in a batch or in the gallery
 const SLICE = 30;
 
 /** The service's jobs, newest first, asked for again and again while the page is looked at. */
@@ -18,6 +19,7 @@ export class JobList extends Emitter {
   private shown = SLICE;
   private timer: ReturnType<typeof setTimeout> | undefined;
   private asked = 0;
+  private moved = -AFTER_MS; // when a run was last on its way
 
   constructor(private readonly api: Api) {
     super();
@@ -56,7 +58,8 @@ export class JobList extends Emitter {
     this.changed();
     if (document.hidden) return;
     const none = this.jobs.length === 0 && this.status === null && this.tag === null; // a gallery may be on its way
-    const usual = none || this.jobs.some((job) => !job.done) ? BUSY_MS : IDLE_MS;
+    if (this.jobs.some((job) => !job.done)) this.moved = performance.now();
+    const usual = none || performance.now() - this.moved < AFTER_MS ? BUSY_MS : IDLE_MS;
     const wait = this.problem?.waitMs(BUSY_MS) ?? usual;
     this.timer = setTimeout(() => void this.load(), wait);
   }
