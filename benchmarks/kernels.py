@@ -73,8 +73,10 @@ def _stage(config: FlowConfig) -> Stage:
     return stage
 
 
-def chained(mesh: TriangleMesh, engine: Engine, preset: str) -> Callable[[], Floats]:
-    """Return T of a preset's first stage, from where it led the last time."""
+def chained(
+    mesh: TriangleMesh, engine: Engine, preset: str, *, measured: bool = False
+) -> Callable[[], Floats]:
+    """Return T of a preset's first stage, from where it led the last time; ``measured``: and the shape after it."""
     config = configuration(preset)
     kernel = engine.prepare(Topology.of(len(mesh.vertices), mesh.faces), config)
     V, stage = np.asfortranarray(mesh.vertices), _stage(config)
@@ -85,6 +87,8 @@ def chained(mesh: TriangleMesh, engine: Engine, preset: str) -> Callable[[], Flo
         if moved is None:
             raise ValueError("the curvature is the same everywhere")
         V = moved
+        if measured:
+            kernel.shape(V)
         return V
 
     return once
