@@ -4,11 +4,11 @@
        └── no rounder ─> FOLDED ─────┘  │└─────── folds again ───────────────┘│
                                         └──── thin, or again ────> STAR <─────┘ no rounder
 
-Of what gets no rounder, FOLDED takes the roundest state; and another point than the centroid to see directions from, if
-from there they cover the sphere otherwise than once, for nothing on the sphere can change that. Where the covering is
-lost on the way, or folds remain, SPHERE begins anew from what it began with, more carefully each time. Where that does
-not do, or no such point is found, it goes back to NORMALS and to the end. A surface that has become round ends in
-NORMALS, SMOOTHING or STAR; in SPHERE ends only what gets no better there.
+Of what gets no rounder, FOLDED takes the roundest state; and, as NORMALS does late in a run, another point than the
+centroid to see directions from, if from there they cover the sphere otherwise than once: nothing on the sphere can
+change that. Where the covering is lost on the way, or folds remain, SPHERE begins anew from what it began with, more
+carefully each time. Where that does not do, or no such point is found, it goes back to NORMALS and to the end. A
+surface that has become round ends in NORMALS, SMOOTHING or STAR; in SPHERE ends only what gets no better there.
 """
 
 from __future__ import annotations

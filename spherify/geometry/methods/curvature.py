@@ -258,8 +258,10 @@ class CurvatureTransformation:
             and self._round_enough(progress)
         ):
             seen = self._covering(here, centre)
-            if seen.degree == 1 and seen.turned < TURNED:
+            if seen.turned < TURNED and seen.degree == 1:
                 control = self._begun(here, centre, control)
+            elif seen.turned < TURNED and progress.iteration >= LATE:  # T may unwind it, but takes long
+                return self._about_another_point(here, centre, control) or Next(control, here, centre)
         elif control.phase == Phase.SPHERE and control.inward:
             lost = looked and self._covering(here, centre).degree != 1  # what moves far may pass the centre
             if lost or self._no_better(control):
@@ -272,13 +274,17 @@ class CurvatureTransformation:
     def _onto_the_sphere(self, progress: Progress, control: Control, here: Floats) -> Next:
         """Go on to the sphere from ``here`` (n, 3), about a point that it goes around once."""
         centre = self._kernel.shape(here).centroid
-        if self._covering(here, centre).degree != 1:
-            inside = centre_inside(here, self._topology.faces, centre)
-            if inside is None:
-                return self._given_up(progress, control)
-            centre = inside
-            here = _on_a_sphere(here, centre)  # uneven radii about it may enclose less than nothing
-        return Next(self._begun(here, centre, control), here, centre)
+        if self._covering(here, centre).degree == 1:
+            return Next(self._begun(here, centre, control), here, centre)
+        return self._about_another_point(here, centre, control) or self._given_up(progress, control)
+
+    def _about_another_point(self, V: Floats, centre: Floats, control: Control) -> Next | None:
+        """Go on to the sphere from V (n, 3) about a point near the centre that it goes around once, if one is found."""
+        inside = centre_inside(V, self._topology.faces, centre)
+        if inside is None:
+            return None
+        here = _on_a_sphere(V, inside)  # uneven radii about it may enclose less than nothing
+        return Next(self._begun(here, inside, control), here, inside)
 
     def _anew(self, progress: Progress, control: Control) -> Next:
         """Begin the part on the sphere anew from the refuge, or give it up if that was done often enough."""
