@@ -8,11 +8,12 @@ more, every ray passes places where it is 1; from outside, those rays do that en
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import pairwise
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from spherify.geometry import measures
 from spherify.geometry.mesh import Floats, Ints
@@ -21,6 +22,8 @@ RAYS: Final = 48  # along which such a place is looked for
 TRIED: Final = 24  # of the widest ways between two crossings
 LITTLE: Final = 0.1  # of the sphere; what inward triangles cover of it then is soon unfolded
 AT_A_TIME: Final = 1 << 15  # triangles
+
+Indices: TypeAlias = NDArray[np.int64] | NDArray[np.uint32]
 
 
 class Covering(NamedTuple):
@@ -36,22 +39,29 @@ class Covering(NamedTuple):
     turned: float
 
 
-def covering(U: Floats, F: Ints) -> Covering:
-    """Return how often the triangles of directions U (n, 3) cover the sphere, and the share of it that inward ones do.
+def covering(V: Floats, F: Ints, centre: Floats) -> Covering:
+    """Return how often the directions of V (n, 3) from the centre (3,) cover the sphere, and what inward triangles do.
 
-    The signed solid angles over 4π, whose sum is whole. By A. van Oosterom and J. Strackee, "The solid angle of a plane
-    triangle", 1983.
+    The signed solid angles Ω of the triangles over 4π, whose sum is whole: with p, q, r from the centre to the corners,
+
+        tan Ω/2 = det(p, q, r) / (|p||q||r| + (p·q)|r| + (q·r)|p| + (r·p)|q|).
+
+    By A. van Oosterom and J. Strackee, "The solid angle of a plane triangle", 1983.
     """
     total, turned = 0.0, 0.0
-    for a, b, c in _corners(U, F):
-        volumes = measures.dot(a, measures.cross(b, c))
-        angles = 2 * np.arctan2(volumes, 1 + measures.dot(a, b) + measures.dot(b, c) + measures.dot(c, a))
+    for a, b, c in _corners(V, F):
+        p, q, r = a - centre, b - centre, c - centre
+        pp, qq, rr = measures.norm(p), measures.norm(q), measures.norm(r)
+        inside = pp * qq * rr + measures.dot(p, q) * rr + measures.dot(q, r) * pp + measures.dot(r, p) * qq
+        angles = 2 * np.arctan2(measures.dot(p, measures.cross(q, r)), inside)
         total += float(angles.sum())
         turned -= float(angles[angles < 0].sum())
     return Covering(round(total / (4 * np.pi)), turned / (4 * np.pi))
 
 
-def centre_inside(V: Floats, F: Ints, near: Floats) -> Floats | None:
+def centre_inside(
+    V: Floats, F: Indices, near: Floats, seen_from: Callable[[Floats], Covering]
+) -> Floats | None:
     """Return a point that the surface goes around once, or None if none is found.
 
     Looked for halfway between two crossings of rays from ``near`` (3,) with the surface, in the widest ways first; of
@@ -61,16 +71,17 @@ def centre_inside(V: Floats, F: Ints, near: Floats) -> Floats | None:
         V: (n, 3) positions.
         F: (m, 3) faces, closed.
         near: where the rays begin; it is no such point itself.
+        seen_from: returns the `Covering` from a point.
 
     """
     rays = _rays()
     ways: list[tuple[float, Floats]] = []  # how wide, and the middle
-    for ray, at in zip(rays, _crossings(V - near, F, rays), strict=True):
+    for ray, at in zip(rays, _crossings(V, F, near, rays), strict=True):
         ways += [(float(y - x), near + (x + y) / 2 * ray) for x, y in pairwise(np.sort(at))]
     ways.sort(key=lambda way: -way[0])
     least, found = np.inf, None
     for _, middle in ways[:TRIED]:
-        degree, turned = covering(measures.normalised(V - middle), F)
+        degree, turned = seen_from(middle)
         if degree == 1 and turned < least:
             least, found = turned, middle
         if least < LITTLE:
@@ -78,10 +89,11 @@ def centre_inside(V: Floats, F: Ints, near: Floats) -> Floats | None:
     return found
 
 
-def _crossings(V: Floats, F: Ints, rays: Floats) -> list[Floats]:
-    """How far from the origin each ray (k, 3) crosses triangles: those of whose edges it is on the same side."""
+def _crossings(V: Floats, F: Indices, near: Floats, rays: Floats) -> list[Floats]:
+    """How far from where they begin each ray (k, 3) crosses triangles: those of whose edges it is on the same side."""
     found: list[list[Floats]] = [[] for _ in rays]
-    for a, b, c in _corners(V, F):
+    for corners in _corners(V, F):
+        a, b, c = (corner - near for corner in corners)
         edges = [measures.cross(p, q) for p, q in ((a, b), (b, c), (c, a))]
         height = measures.dot(edges[0], c)  # times the slope of a ray that meets the triangle in its length
         for ray, at in zip(rays, found, strict=True):
@@ -95,10 +107,10 @@ def _crossings(V: Floats, F: Ints, rays: Floats) -> list[Floats]:
     return [np.concatenate(at) for at in found]
 
 
-def _corners(V: Floats, F: Ints) -> Iterator[tuple[Floats, Floats, Floats]]:
+def _corners(V: Floats, F: Indices) -> Iterator[tuple[Floats, Floats, Floats]]:
     """Yield the corners of the triangles, (k, 3) each, so many at a time that they take little memory."""
     for first in range(0, len(F), AT_A_TIME):
-        some = F[first : first + AT_A_TIME]
+        some = F[first : first + AT_A_TIME].astype(np.int64)
         yield measures.gather(V, some[:, 0]), measures.gather(V, some[:, 1]), measures.gather(V, some[:, 2])
 
 

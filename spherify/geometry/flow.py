@@ -205,13 +205,15 @@ class _Run:
     def __init__(self, mesh: TriangleMesh, config: Config, engine: Engine) -> None:
         self._mesh = mesh
         self._config = config
-        self._topology = _checked_topology(mesh)
+        topology = _checked_topology(mesh)
+        self._closed = topology.closed
         self._rescale = config.rescale
-        if not self._topology.closed:
+        if not self._closed:
             # Vertices that must stay cannot be rescaled; and an open surface has no volume to restore.
             self._rescale = "none" if config.boundary == "fixed" or config.rescale == "none" else "area"
         self.frame = Frame.around(mesh.vertices)
-        self.method = prepare(self._topology, config, engine, unit=1 / self.frame.scale)
+        self.method = prepare(topology, config, engine, unit=1 / self.frame.scale)
+        del topology  # which takes as much memory as what was made of it
         self.fingerprint = fingerprint_of(mesh, config, self.method.computed_by)
         position = self.frame.inside(mesh.vertices)
         shape = self.method.shape(position)
@@ -310,7 +312,7 @@ class _Run:
 
     def _valid(self, shape: Shape) -> bool:
         """Whether a state may be shown: finite, with some area and, if closed, a positive volume."""
-        return shape.finite and shape.area > 0 and (shape.volume > 0 or not self._topology.closed)
+        return shape.finite and shape.area > 0 and (shape.volume > 0 or not self._closed)
 
 
 def _checked_topology(mesh: TriangleMesh) -> Topology:

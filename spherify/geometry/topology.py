@@ -43,17 +43,13 @@ class Topology:
     @classmethod
     def of(cls, n_vertices: int, faces: Ints) -> Topology:
         """Build the topology of ``faces`` (m, 3), whose indices lie in 0 … n_vertices - 1."""
-        tails, heads = faces.reshape(-1), np.roll(faces, -1, axis=1).reshape(-1)
-        low, high = np.minimum(tails, heads), np.maximum(tails, heads)
-        keys, halfedge_edges, face_count = np.unique(
-            low * n_vertices + high, return_inverse=True, return_counts=True
-        )
+        keys, sides = _edge_keys(n_vertices, faces)
+        keys, halfedge_edges, face_count = np.unique(keys, return_inverse=True, return_counts=True)
         edges = np.stack([keys // max(n_vertices, 1), keys % max(n_vertices, 1)], axis=1)
         edge_faces = np.full((len(edges), 2), -1, dtype=np.int64)
-        owner = np.repeat(np.arange(len(faces)), 3)
-        for side, runs in enumerate((tails < heads, tails > heads)):
-            # Written backwards, so that the first face is the one that stays.
-            edge_faces[halfedge_edges[runs][::-1], side] = owner[runs][::-1]
+        for side, runs in enumerate(sides):
+            halfedges = np.flatnonzero(runs)[::-1]  # backwards, so that the first face is the one that stays
+            edge_faces[halfedge_edges[halfedges], side] = halfedges // 3
         # Column by column in memory: the measures gather one corner of all faces, one end of all edges at a time.
         columns = np.asfortranarray
         return cls(
@@ -175,6 +171,15 @@ class Topology:
         components = len(np.unique(labels))
         euler = n_fans - len(self.edges) + len(self.faces)
         return (2 * components - self.boundary_loops - euler) // 2
+
+
+def _edge_keys(n: int, faces: Ints) -> tuple[Ints, tuple[Bools, Bools]]:
+    """(3m,) low·n + high of the vertices of each half-edge, and which run from low to high, which from high to low."""
+    tails, heads = faces.reshape(-1), np.roll(faces, -1, axis=1).reshape(-1)
+    keys = np.minimum(tails, heads)
+    keys *= n
+    keys += np.maximum(tails, heads)
+    return keys, (tails < heads, tails > heads)
 
 
 def connected_labels(n: int, pairs: Ints) -> Ints:

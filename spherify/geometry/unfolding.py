@@ -208,6 +208,22 @@ def evened_out(V: Floats, centre: Floats, k_in: int, k_out: int) -> Floats | Non
     return np.asfortranarray(centre + (radii / before)[:, None] * spokes)
 
 
+def ahead_along_radii(V: Floats, previous: Floats, centre: Floats, momentum: float) -> Floats:
+    """Return (n, 3) where the momentum of the radii leads, r + b (r - before) for a radius r; directions stay.
+
+    Args:
+        V: (n, 3) positions.
+        previous: (n, 3) positions an iteration before.
+        centre: (3,) c.
+        momentum: b.
+
+    """
+    spokes = V - centre
+    radii, before = measures.norm(spokes), measures.norm(previous - centre)
+    ahead: Floats = centre + spokes * (1 + momentum * (1 - before / radii))[:, None]
+    return ahead
+
+
 def folds(U: Floats, F: Ints) -> tuple[int, float]:
     """Count the triangles of directions U (n, 3) that look inward; and their least area over their mean."""
     vectors = measures.area_vectors(U, F)

@@ -11,6 +11,7 @@ from spherify.geometry import measures
 from spherify.geometry.ascent import BARRIER, KEPT
 from spherify.geometry.flow import flow
 from spherify.geometry.kernels import ENGINES, get_engine
+from spherify.geometry.kernels.passes.types import RING
 from spherify.geometry.methods.control import Control, Phase
 from spherify.geometry.presets import PRESETS
 from spherify.geometry.quality import inward_faces
@@ -85,6 +86,20 @@ def test_both_engines_agree(momentum):
     one, other = (kernel(mesh, engine).ascend(V, previous, CENTRE, momentum) for engine in ENGINES)
     assert np.abs(one - V).max() > 1e-3
     assert np.abs(one - other).max() < 10 * ROUNDING
+
+
+def test_vertices_are_computed_alike_by_their_rings_and_face_by_face():
+    """The latter is for vertices at which the surface touches itself, which have no ring."""
+    mesh = uneven()
+    by_rings, by_faces = kernel(mesh, "compiled"), kernel(mesh, "compiled")
+    connectivity = by_faces._sphere._mesh
+    runs = connectivity.runs.copy()
+    assert (runs[:, 2] == RING).all()
+    runs[:, 2] = 0
+    by_faces._sphere._mesh = connectivity._replace(runs=runs)
+    one, other = (k.ascend(mesh.vertices, mesh.vertices, CENTRE, 0.0) for k in (by_rings, by_faces))
+    assert np.abs(one - mesh.vertices).max() > 1e-3
+    assert 0 < np.abs(one - other).max() < ROUNDING
 
 
 @pytest.mark.parametrize("engine", ENGINES)

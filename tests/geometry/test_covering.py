@@ -9,13 +9,15 @@ import numpy as np
 import pytest
 
 from spherify.geometry import measures
-from spherify.geometry.covering import centre_inside, covering
+from spherify.geometry.covering import covering
 from spherify.geometry.flow import FlowState, StopReason, flow
+from spherify.geometry.kernels import ENGINES, get_engine
 from spherify.geometry.mesh import TriangleMesh
 from spherify.geometry.methods import curvature
 from spherify.geometry.methods.control import Control, Phase
 from spherify.geometry.presets import PRESETS
 from spherify.geometry.samples.solids import icosphere
+from spherify.geometry.topology import Topology
 from tests.geometry.shapes import drum
 
 ROBUST = PRESETS["robust"].config
@@ -43,8 +45,12 @@ def wound(turns, around, rings, thickness=0.1):
     return TriangleMesh.checked(V, F if measures.volume(V, F, np.zeros(3)) > 0 else F[:, ::-1])
 
 
+def kernel(mesh, engine):
+    return get_engine(engine).prepare(Topology.of(len(mesh.vertices), mesh.faces), ROBUST)
+
+
 def seen_from(point, mesh):
-    return covering(measures.normalised(mesh.vertices - point), mesh.faces)
+    return covering(mesh.vertices, mesh.faces, point)
 
 
 @cache
@@ -57,28 +63,45 @@ def run(turns: float, around: int, rings: int) -> tuple[list[Control], list[floa
     return controls, sphericities, state
 
 
-def test_a_point_inside_is_found_where_the_centroid_is_outside():
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_point_inside_is_found_where_the_centroid_is_outside(engine):
     for mesh in (wound(0.9, 12, 60), wound(2.2, 12, 120)):
-        centroid = mesh.vertices.mean(axis=0)
-        assert seen_from(centroid, mesh).degree == 0
-        assert seen_from(centre_inside(mesh.vertices, mesh.faces, centroid), mesh).degree == 1
+        centroid, within = mesh.vertices.mean(axis=0), kernel(mesh, engine)
+        assert within.covering(mesh.vertices, centroid).degree == 0
+        found = within.centre_inside(mesh.vertices, centroid)
+        assert seen_from(found, mesh).degree == 1 == within.covering(mesh.vertices, found).degree
 
 
-def test_a_point_inside_once_is_found_from_one_inside_twice():
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_point_inside_once_is_found_from_one_inside_twice(engine):
     """Between the outer and the inner of two balls, both of which look outward, is a point within one of them."""
     ball = icosphere(6)
     V = np.vstack([ball.vertices, 0.5 * ball.vertices])
     mesh = TriangleMesh(V, np.vstack([ball.faces, ball.faces + len(ball.vertices)]))
     near = np.array([0.01, 0.02, 0.03])
     assert seen_from(near, mesh).degree == 2
-    found = centre_inside(mesh.vertices, mesh.faces, near)
+    found = kernel(mesh, engine).centre_inside(mesh.vertices, near)
     assert seen_from(found, mesh).degree == 1
     assert 0.5 < np.linalg.norm(found) < 1
 
 
-def test_none_is_found_where_there_is_none():
+@pytest.mark.parametrize("engine", ENGINES)
+def test_none_is_found_where_there_is_none(engine):
     ball = icosphere(4)
-    assert centre_inside(ball.vertices, ball.faces[:, ::-1], np.array([0.01, 0.02, 0.03])) is None
+    inward = TriangleMesh(ball.vertices, np.ascontiguousarray(ball.faces[:, ::-1]))
+    assert kernel(inward, engine).centre_inside(ball.vertices, np.array([0.01, 0.02, 0.03])) is None
+
+
+@pytest.mark.parametrize("mesh", [wound(2.2, 12, 120), icosphere(6)])
+def test_both_engines_see_the_same(mesh):
+    """From two points, and of the sphere also from a vertex."""
+    V, (one, other) = mesh.vertices, (kernel(mesh, engine) for engine in ENGINES)
+    for centre in (V.mean(axis=0), np.array([0.3, 0.1, 0.02]), V[7]):
+        a, b = one.covering(V, centre), other.covering(V, centre)
+        assert a.degree == b.degree
+        assert a.turned == pytest.approx(b.turned, abs=1e-12)
+        if not (centre == V[7]).all():  # whose faces look nowhere: rounding
+            assert one.folds(V, centre) == pytest.approx(other.folds(V, centre), rel=1e-9)
 
 
 def test_what_t_winds_around_itself_becomes_a_true_sphere():

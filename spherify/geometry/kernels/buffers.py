@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from spherify.geometry.kernels.passes import rings, selection, shape, whole
-from spherify.geometry.kernels.passes.ascent import Climb
 from spherify.geometry.kernels.passes.types import Buffers, Scratch
 from spherify.geometry.mesh import Floats
 
@@ -58,11 +57,6 @@ def buffers(n: int, n_held: int, n_runs: int) -> Buffers:
         sums=np.empty((n_runs, whole.SUMS)),
         whole=np.empty(whole.RESULTS),
     )
-
-
-def climb(n: int, m: int) -> Climb:
-    """Allocate what `spherify.geometry.kernels.passes.ascent.ascend` writes, for n vertices and m faces."""
-    return Climb(np.empty((n, 4)), np.empty((n, 4)), np.empty((n, 4)), np.empty((n, 4)), np.empty(m))
 
 
 def scratch() -> Scratch:

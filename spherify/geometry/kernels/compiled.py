@@ -7,22 +7,25 @@ finite is left to the reference, so that a mesh that breaks does so in the same 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from spherify.geometry.config import FlowConfig, Stage
-from spherify.geometry.kernels.buffers import buffers, climb, scratch
+from spherify.geometry.kernels.buffers import buffers, scratch
 from spherify.geometry.kernels.faces import ALONE, Faces
 from spherify.geometry.kernels.numbering import Numbering
 from spherify.geometry.kernels.passes import shape
-from spherify.geometry.kernels.passes.ascent import Climb, ascend
+from spherify.geometry.kernels.passes.ascent import ascend
+from spherify.geometry.kernels.passes.directions import see
 from spherify.geometry.kernels.passes.fans import walk
 from spherify.geometry.kernels.passes.jit import code_for, kept
 from spherify.geometry.kernels.passes.levels import by_levels
 from spherify.geometry.kernels.passes.movement import unload
 from spherify.geometry.kernels.passes.quality import judge
+from spherify.geometry.kernels.passes.radii import along_radii
+from spherify.geometry.kernels.passes.spreading import spread
 from spherify.geometry.kernels.passes.step import work
 from spherify.geometry.kernels.passes.types import (
     AHEAD,
@@ -41,20 +44,19 @@ from spherify.geometry.kernels.passes.types import (
     SCALE,
     VARIATION,
     VERTICES,
-    Connectivity,
     Found,
     Mode,
     Task,
 )
-from spherify.geometry.kernels.passes.unfolding import move_radially, spread, unfold
+from spherify.geometry.kernels.passes.unfolding import unfold
 from spherify.geometry.kernels.positions import Positions
 from spherify.geometry.kernels.reference import ReferenceKernel
+from spherify.geometry.kernels.sphere import OnTheSphere
 from spherify.geometry.kernels.team import Team
 from spherify.geometry.mesh import Floats
 from spherify.geometry.metrics import Figures
 from spherify.geometry.roundness import Shape
 from spherify.geometry.topology import Topology
-from spherify.geometry.unfolding import Unfolded
 
 BY_RINGS: Final = (VERTICES + INTEGRATE, CENTRE, RADII, VARIATION)
 ENTRIES: Final[Sequence[Callable[..., Any]]] = (
@@ -63,11 +65,12 @@ ENTRIES: Final[Sequence[Callable[..., Any]]] = (
     work,
     shape.measure,
     judge,
-    move_radially,
+    along_radii,
     unfold,
     spread,
     ascend,
     unload,
+    see,
 )
 """All that Python calls."""
 WORTH_SHARING: Final = 20_000  # vertices; below, handing out the parts takes as long as they do
@@ -79,7 +82,7 @@ class CompiledKernel:
     def __init__(self, topology: Topology, config: FlowConfig, threads: int = 1) -> None:
         held = topology.boundary_vertices if config.boundary == "fixed" else np.zeros(0, dtype=np.int64)
         n = topology.n_vertices
-        self._reference = ReferenceKernel(topology, config)
+        self._of_mesh, self._config = topology.faces, config
         self._numbering = Numbering.of(topology, held)
         self._mesh = self._numbering.connectivity
         self._team = Team(threads if n >= WORTH_SHARING else 1)
@@ -97,15 +100,36 @@ class CompiledKernel:
         nothing_between = config.momentum == 0 and config.rescale == "none"
         plain = config.step_bound == 0 and config.relaxation == 0
         self._by_rings = nothing_between and plain and bool((self._mesh.runs[:, 2] == RING).all())
-        self._neighbours: NDArray[np.uint32] | None = None  # made when first needed
-        self._climb: Climb | None = None  # likewise
         self._curved: list[Found] | None = None  # of the positions loaded, part by part, as long as they stay
         self._positions = Positions(self._use.position, self._numbering, self._parts, self._team)
         self._previous = Positions(self._use.previous, self._numbering, self._parts, self._team)
         mesh, use, mode = self._mesh, self._use, self._mode
         self._code = code_for(work, mesh, use, self._scratch[0], mode, self._task())
+        self._sphere = OnTheSphere(
+            self._numbering,
+            self._positions,
+            self._load,
+            self._use,
+            self._scratch,
+            self._faces.space.area,
+            self._parts,
+            self._team,
+        )
+        self.ahead_along_radii = self._sphere.ahead
+        self.even_out = self._sphere.even_out
+        self.unfold = self._sphere.unfold
+        self.spread = self._sphere.spread
+        self.ascend = self._sphere.ascend
+        self.covering = self._sphere.covering
+        self.centre_inside = self._sphere.centre_inside
+        self.folds = self._sphere.folds
         self._edge_count = len(topology.edges)
         self._single = self._numbering.place[topology.edges[topology.boundary_edges]]
+
+    @cached_property
+    def _reference(self) -> ReferenceKernel:
+        """What goes on where curvature is not finite, made when first needed: it takes much memory."""
+        return ReferenceKernel(Topology.of(len(self._numbering.order), self._of_mesh), self._config)
 
     def transform(
         self,
@@ -132,50 +156,13 @@ class CompiledKernel:
     def transform_radially(self, V: Floats, stage: Stage, step: float, centre: Floats) -> Floats | None:
         """See `spherify.geometry.kernels.interface.Kernel.transform_radially`."""
         self._load(V)
-        for outward in [False] * stage.k_in + [True] * stage.k_out:
+        for along in [step] * stage.k_in + [-step] * stage.k_out:
             found = self._curvature(Task(0, *self._parts[0], 1, 0, step, 0.0))
             if found.end == CONSTANT:
                 return None
             if found.end == NOT_FINITE:
                 return self._reference.transform_radially(V, stage, step, centre)
-            use = self._use
-            move_radially(use.position, use.curvature, found.K_min, found.K_max, step, outward, centre)
-        return self._positions.unloaded()
-
-    def unfold(
-        self, V: Floats, centre: Floats, log_weights: Floats, *, exponent: float, damping: float, rounds: int
-    ) -> Unfolded:
-        """See `spherify.geometry.kernels.interface.Kernel.unfold`."""
-        mesh = self._mesh
-        self._load(V)
-        weights = log_weights[self._numbering.order]
-        inward, least_area = unfold(
-            self._use.position,
-            mesh.corners,
-            mesh.first,
-            self._around(),
-            weights,
-            centre,
-            exponent,
-            damping,
-            rounds,
-        )
-        return Unfolded(self._positions.unloaded(), weights[self._numbering.place], inward, least_area)
-
-    def spread(self, V: Floats, centre: Floats, rounds: int) -> Unfolded:
-        """See `spherify.geometry.kernels.interface.Kernel.spread`."""
-        self._load(V)
-        inward, least_area = spread(self._use.position, self._mesh.corners, centre, rounds)
-        return Unfolded(self._positions.unloaded(), np.zeros(0), inward, least_area)
-
-    def ascend(self, V: Floats, previous: Floats, centre: Floats, momentum: float) -> Floats:
-        """See `spherify.geometry.kernels.interface.Kernel.ascend`."""
-        if self._climb is None:
-            self._climb = climb(len(V), self._mesh.corners.shape[1])
-        self._load(V)
-        for k in range(3):
-            np.take(previous[:, k], self._numbering.order, out=self._climb.moved[:, k], mode="clip")
-        ascend(self._use.position, self._mesh.corners, centre, momentum, self._climb)
+            self._sphere.step(centre, found.K_min, found.K_max, along)
         return self._positions.unloaded()
 
     def shape(self, V: Floats) -> Shape:
@@ -298,19 +285,6 @@ class CompiledKernel:
                 self._together(task, passes)
         return curved
 
-    def _around(self) -> NDArray[np.uint32]:
-        """(3m,) neighbours of the vertices, made when first needed."""
-        if self._neighbours is None:
-            self._neighbours = _neighbours(self._mesh)
-        return self._neighbours
-
-
-def _neighbours(mesh: Connectivity) -> NDArray[np.uint32]:
-    """(3m,) neighbours of the vertices of a closed mesh: where the half-edges of ``mesh.halfedges`` lead."""
-    at = mesh.halfedges
-    led_to: NDArray[np.uint32] = np.ascontiguousarray(mesh.corners.T).reshape(-1)[at - at % 3 + (at + 1) % 3]
-    return led_to
-
 
 class CompiledEngine:
     """Machine code; made at the first call on a machine, and kept, see `passes.jit`."""
@@ -339,6 +313,9 @@ class CompiledEngine:
         centre = kernel.shape(corners).centroid
         kernel.figures(corners, centre)
         kernel.transform_radially(corners, Stage(1, 1, 0), 0.1, centre)
+        kernel.ahead_along_radii(corners, corners, centre, 0.5)
+        kernel.even_out(corners, centre, Stage(1, 1, 0))
+        kernel.covering(corners, centre)
         kernel.unfold(corners, centre, np.zeros(4), exponent=1.0, damping=1.0, rounds=1)
         kernel.spread(corners, centre, 1)
         kernel.ascend(corners, corners, centre, 0.0)

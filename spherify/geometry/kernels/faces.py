@@ -26,7 +26,7 @@ class Faces:
         self._parts = list(enumerate(parts))
         self._team = team
         self._closed = closed
-        self._space = Space.of(corners.shape[1], team.threads)
+        self.space = Space.of(corners.shape[1], team.threads)
 
     def measure(self, position: Floats, radius: Floats) -> Floats:
         """Measure positions (3, n), with ``radius`` (n,) to write to; the result of `passes.shape.measure`."""
@@ -35,13 +35,13 @@ class Faces:
         for passes in () if len(self._parts) == 1 else PASSES:
             work = partial(self._measure, passes=passes, position=position, radius=radius)
             self._team.each(work, self._parts[: 1 if passes in ALONE else None])
-        return self._space.result
+        return self.space.result
 
     def figures(self, position: Floats, centre: Floats, curved: list[Found]) -> Figures:
         """Return the figures of positions (3, n) about ``centre`` (3,), of which the curvature is known."""
         judged = self._team.each(partial(self._judge, position=position, centre=centre), self._parts)
         worst, smallest, nearest, farthest = zip(*judged, strict=True)
-        sums, faces = self._space.sums.sum(axis=0), self._corners.shape[1]
+        sums, faces = self.space.sums.sum(axis=0), self._corners.shape[1]
         mean_area = float(sums[AREA]) / faces
         return Figures(
             radius_ratio=min(nearest) / max(farthest) if max(farthest) > 0 else 0.0,
@@ -55,7 +55,7 @@ class Faces:
 
     def _measure(self, numbered: tuple[int, Part], passes: int, position: Floats, radius: Floats) -> None:
         thread, part = numbered
-        space = self._space
+        space = self.space
         shape.measure(
             position,
             self._corners,
@@ -75,7 +75,7 @@ class Faces:
         self, numbered: tuple[int, Part], position: Floats, centre: Floats
     ) -> tuple[float, float, float, float]:
         thread, part = numbered
-        space = self._space
+        space = self.space
         judged: tuple[float, float, float, float] = judge(
             position,
             self._corners,
@@ -90,5 +90,5 @@ class Faces:
 
     def _segments(self, thread: int) -> tuple[int, int]:
         """Return the first segment of a thread's part, and one behind its last."""
-        count = len(self._space.sums)
+        count = len(self.space.sums)
         return count * thread // len(self._parts), count * (thread + 1) // len(self._parts)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from spherify.geometry.config import FlowConfig, Stage
+from spherify.geometry.covering import Covering
 from spherify.geometry.mesh import Floats
 from spherify.geometry.metrics import Figures
 from spherify.geometry.roundness import Shape
@@ -49,6 +50,22 @@ class Kernel(Protocol):
         """
         ...
 
+    def ahead_along_radii(self, V: Floats, previous: Floats, centre: Floats, momentum: float) -> Floats:
+        """Return (n, 3) where the momentum of the radii leads: r + b (r - before) for a radius r; directions stay.
+
+        Args:
+            V: (n, 3) positions.
+            previous: (n, 3) positions an iteration before.
+            centre: (3,) c.
+            momentum: b.
+
+        """
+        ...
+
+    def even_out(self, V: Floats, centre: Floats, stage: Stage) -> Floats | None:
+        """Do what `spherify.geometry.unfolding.evened_out` does."""
+        ...
+
     def unfold(
         self, V: Floats, centre: Floats, log_weights: Floats, *, exponent: float, damping: float, rounds: int
     ) -> Unfolded:
@@ -61,6 +78,18 @@ class Kernel(Protocol):
 
     def ascend(self, V: Floats, previous: Floats, centre: Floats, momentum: float) -> Floats:
         """Do what `spherify.geometry.ascent.ascended` does."""
+        ...
+
+    def covering(self, V: Floats, centre: Floats) -> Covering:
+        """Do what `spherify.geometry.covering.covering` does."""
+        ...
+
+    def centre_inside(self, V: Floats, near: Floats) -> Floats | None:
+        """Do what `spherify.geometry.covering.centre_inside` does."""
+        ...
+
+    def folds(self, V: Floats, centre: Floats) -> tuple[int, float]:
+        """Do what `spherify.geometry.unfolding.folds` does, of the directions of V (n, 3) from ``centre`` (3,)."""
         ...
 
     def shape(self, V: Floats) -> Shape:

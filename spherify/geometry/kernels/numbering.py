@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from spherify.geometry.topology import Topology
 
 WINDOW = 1024  # vertices that are sorted by degree: few enough to stay near, enough for runs of some length
 _Indices = NDArray[np.uint32]
+Index = TypeVar("Index", np.int64, np.uint32)
 
 
 class Part(NamedTuple):
@@ -58,16 +59,22 @@ class Numbering:
         order = order[np.lexsort((rings.degrees[order], rings.closed[order], window))]
         place = _inverse(order)
         runs, ring = rings.laid_out(order, place, window)
+        del rings, window
 
-        faces = place[topology.faces]
-        faces_order = np.argsort(faces.min(axis=1), kind="stable")
+        faces = place.astype(np.uint32)[topology.faces]
+        faces_order = np.argsort(faces.min(axis=1), kind="stable").astype(np.uint32)
         faces = np.ascontiguousarray(faces[faces_order])
-        old = (3 * faces_order[:, None] + np.arange(3)).reshape(-1)  # the half-edge at each new place
-        new = np.append(_inverse(old), NONE)  # -1, no twin, leads to the last
+        old = np.repeat(np.uint32(3) * faces_order, 3)  # the half-edge at each new place
+        old += np.tile(np.arange(3, dtype=np.uint32), len(faces_order))
+        twins = twins[old]
+        new = _inverse(old)
+        has_none, twins = twins == NONE, new[np.minimum(twins, np.uint32(len(new) - 1))]
+        twins[has_none] = NONE
+        del old, new, faces_order
         tails = faces.reshape(-1)
         connectivity = Connectivity(
-            corners=np.ascontiguousarray(faces.T, dtype=np.uint32),
-            twins=new[twins[old]].astype(np.uint32),
+            corners=np.ascontiguousarray(faces.T),
+            twins=twins,
             first=_starts(np.bincount(tails, minlength=n)),
             halfedges=np.argsort(tails, kind="stable").astype(np.uint32),
             runs=runs,
@@ -87,7 +94,7 @@ class Numbering:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Rings:
-    """The neighbours of each vertex of the mesh.
+    """The neighbours of each vertex of the mesh; 32 bits each, for all of them at once take much memory.
 
     Attributes:
         degrees: (n,) how many.
@@ -98,23 +105,24 @@ class _Rings:
 
     degrees: Ints
     closed: NDArray[np.bool_]
-    neighbours: Ints
+    neighbours: _Indices
 
     @classmethod
-    def of(cls, topology: Topology, twins: Ints) -> _Rings:
+    def of(cls, topology: Topology, twins: _Indices) -> _Rings:
         n = topology.n_vertices
-        tails = topology.faces.reshape(-1)
+        faces = np.ascontiguousarray(topology.faces, dtype=np.uint32)
+        tails, heads = faces.reshape(-1), np.roll(faces, -1, axis=1).reshape(-1)
         first = _starts(np.bincount(tails, minlength=n))
         halfedges = np.argsort(tails, kind="stable").astype(np.uint32)
-        heads = np.ascontiguousarray(np.roll(topology.faces, -1, axis=1)).reshape(-1).astype(np.uint32)
         circle = np.empty(len(tails), dtype=np.uint32)
         closed = np.empty(n, dtype=np.bool_)
-        walk(heads, np.where(twins < 0, NONE, twins).astype(np.uint32), first, halfedges, circle, closed)
+        walk(heads, twins, first, halfedges, circle, closed)
+        del faces, tails, heads, halfedges
 
-        ends = topology.edges.T.reshape(-1)
+        ends = topology.edges.T.reshape(-1).astype(np.uint32)
         degrees = np.bincount(ends, minlength=n)
         by_vertex = np.argsort(ends, kind="stable")
-        neighbours = topology.edges[:, ::-1].T.reshape(-1)[by_vertex]
+        neighbours = topology.edges[:, ::-1].T.reshape(-1).astype(np.uint32)[by_vertex]
         neighbours[closed[ends[by_vertex]]] = circle[np.repeat(closed, np.diff(first))]
         return cls(degrees, closed, neighbours)
 
@@ -122,9 +130,7 @@ class _Rings:
         """(n,) the vertices breadth first, see `spherify.geometry.kernels.passes.levels`."""
         n = len(self.degrees)
         order = np.empty(n, dtype=np.uint32)
-        by_levels(
-            _starts(self.degrees), self.neighbours.astype(np.uint32), order, np.zeros(n, dtype=np.bool_)
-        )
+        by_levels(_starts(self.degrees), self.neighbours, order, np.zeros(n, dtype=np.bool_))
         return order.astype(np.int64)
 
     def laid_out(self, order: Ints, place: Ints, window: Ints) -> tuple[_Indices, _Indices]:
@@ -136,20 +142,25 @@ class _Rings:
         sizes = last - first
         base = np.cumsum(sizes * degrees[first]) - sizes * degrees[first]
         # The entry of a vertex's j-th neighbour lies j times the size of its run behind that of its first.
-        owner = np.repeat(np.arange(len(self.degrees)), self.degrees)  # of the mesh, as are the neighbours
-        rank = np.arange(len(owner)) - np.repeat(np.cumsum(self.degrees) - self.degrees, self.degrees)
-        run = np.repeat(np.arange(len(first)), sizes)[place[owner]]
-        ring = np.zeros(len(owner) + LANES, dtype=np.uint32)  # some are read beyond the end
-        ring[base[run] + rank * sizes[run] + place[owner] - first[run]] = place[self.neighbours]
+        run = np.repeat(np.arange(len(first)), sizes)[
+            place
+        ]  # of each vertex of the mesh, as are the neighbours
+        start = (base[run] + place - first[run]).astype(np.uint32)
+        rank = np.arange(len(self.neighbours), dtype=np.uint32)
+        rank -= np.repeat(_starts(self.degrees)[:-1], self.degrees)
+        rank *= np.repeat(sizes[run].astype(np.uint32), self.degrees)
+        rank += np.repeat(start, self.degrees)
+        ring = np.zeros(len(self.neighbours) + LANES, dtype=np.uint32)  # some are read beyond the end
+        ring[rank] = place.astype(np.uint32)[self.neighbours]
         marks = np.where(closed[first], RING, 0)
         return np.stack([first, last, marks, degrees[first], base], axis=1).astype(np.uint32), ring
 
 
-def _twins(topology: Topology) -> Ints:
-    """(3m,) the half-edge against each half-edge, -1 where there is none."""
+def _twins(topology: Topology) -> _Indices:
+    """(3m,) the half-edge against each half-edge, NONE where there is none."""
     order = np.argsort(topology.halfedge_edges, kind="stable")
     order = order[topology.interior[topology.halfedge_edges[order]]].reshape(-1, 2)
-    twins = np.full(len(topology.halfedge_edges), -1)
+    twins = np.full(len(topology.halfedge_edges), NONE, dtype=np.uint32)
     twins[order[:, 0]], twins[order[:, 1]] = order[:, 1], order[:, 0]
     return twins
 
@@ -159,7 +170,7 @@ def _starts(counts: Ints) -> _Indices:
     return np.concatenate([[0], np.cumsum(counts)]).astype(np.uint32)
 
 
-def _inverse(order: Ints) -> Ints:
+def _inverse(order: NDArray[Index]) -> NDArray[Index]:
     place = np.empty_like(order)
-    place[order] = np.arange(len(order))
+    place[order] = np.arange(len(order), dtype=order.dtype)
     return place

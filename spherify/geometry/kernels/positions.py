@@ -39,13 +39,18 @@ class Positions:
         if there:
             return True
 
+        self.take(V, self._buffer)
+        return False
+
+    def take(self, V: Floats, into: Floats) -> None:
+        """Write V (n, 3) to ``into`` (3, n), in the order of the passes."""
+
         def take(part: Part) -> None:
             span = slice(part.first, part.last)
             for k in range(3):
-                np.take(V[:, k], self._numbering.order[span], out=self._buffer[k, span], mode="clip")
+                np.take(V[:, k], self._numbering.order[span], out=into[k, span], mode="clip")
 
         self._team.each(take, self._parts)
-        return False
 
     def unloaded(self) -> Floats:
         """Return what is loaded in the order of the mesh, (n, 3), read-only, so that it is known again."""

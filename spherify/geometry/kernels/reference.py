@@ -10,12 +10,13 @@ import numpy as np
 from spherify.geometry import measures, transformation
 from spherify.geometry.ascent import ascended
 from spherify.geometry.config import FlowConfig, Stage
+from spherify.geometry.covering import Covering, centre_inside, covering
 from spherify.geometry.curvature import curvature_from
 from spherify.geometry.mesh import Floats
 from spherify.geometry.metrics import Figures, figures_of
 from spherify.geometry.roundness import Shape, shape_of
 from spherify.geometry.topology import Topology
-from spherify.geometry.unfolding import Unfolded, spread, unfolded
+from spherify.geometry.unfolding import Unfolded, ahead_along_radii, evened_out, folds, spread, unfolded
 
 
 class ReferenceKernel:
@@ -45,6 +46,14 @@ class ReferenceKernel:
         """See `spherify.geometry.kernels.interface.Kernel.transform_radially`."""
         return self._applied(V, stage, partial(self._radial_step, step=step, centre=centre))
 
+    def ahead_along_radii(self, V: Floats, previous: Floats, centre: Floats, momentum: float) -> Floats:
+        """See `spherify.geometry.kernels.interface.Kernel.ahead_along_radii`."""
+        return ahead_along_radii(V, previous, centre, momentum)
+
+    def even_out(self, V: Floats, centre: Floats, stage: Stage) -> Floats | None:
+        """See `spherify.geometry.kernels.interface.Kernel.even_out`."""
+        return evened_out(V, centre, stage.k_in, stage.k_out)
+
     def unfold(
         self, V: Floats, centre: Floats, log_weights: Floats, *, exponent: float, damping: float, rounds: int
     ) -> Unfolded:
@@ -60,6 +69,18 @@ class ReferenceKernel:
     def ascend(self, V: Floats, previous: Floats, centre: Floats, momentum: float) -> Floats:
         """See `spherify.geometry.kernels.interface.Kernel.ascend`."""
         return ascended(V, self._topology.faces, previous, centre, momentum)
+
+    def covering(self, V: Floats, centre: Floats) -> Covering:
+        """See `spherify.geometry.kernels.interface.Kernel.covering`."""
+        return covering(V, self._topology.faces, centre)
+
+    def centre_inside(self, V: Floats, near: Floats) -> Floats | None:
+        """See `spherify.geometry.kernels.interface.Kernel.centre_inside`."""
+        return centre_inside(V, self._topology.faces, near, partial(self.covering, V))
+
+    def folds(self, V: Floats, centre: Floats) -> tuple[int, float]:
+        """See `spherify.geometry.kernels.interface.Kernel.folds`."""
+        return folds(measures.normalised(V - centre), self._topology.faces)
 
     def shape(self, V: Floats) -> Shape:
         """See `spherify.geometry.kernels.interface.Kernel.shape`."""

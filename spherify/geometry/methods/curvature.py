@@ -20,7 +20,6 @@ import numpy as np
 from spherify.geometry import measures
 from spherify.geometry.ascent import MOMENTUM
 from spherify.geometry.config import LATE, FlowConfig, Stage
-from spherify.geometry.covering import Covering, centre_inside, covering
 from spherify.geometry.kernels import Engine, Kernel
 from spherify.geometry.mesh import Floats
 from spherify.geometry.methods.control import (
@@ -38,7 +37,7 @@ from spherify.geometry.progress import Layout, Memory, Progress
 from spherify.geometry.roundness import Shape
 from spherify.geometry.schedule import stage_at
 from spherify.geometry.topology import Topology
-from spherify.geometry.unfolding import Unfolded, evened_out, folds
+from spherify.geometry.unfolding import Unfolded
 
 STILL_WOUND: Final = (
     "the surface, wound around itself, could not be unwound: the run went back to before that was tried"
@@ -74,7 +73,7 @@ class CurvatureTransformation:
 
     def __init__(self, topology: Topology, config: FlowConfig, engine: Engine, *, unit: float) -> None:
         """Prepare it; ``unit`` is the length of the mesh's own unit in the frame."""
-        self._topology = topology
+        self._n = topology.n_vertices
         self._config = config
         ball = topology.closed and topology.euler == 2 and topology.n_components == 1
         self._unfolding = config.unfolding if ball else None
@@ -91,7 +90,7 @@ class CurvatureTransformation:
     @property
     def layout(self) -> Layout:
         """See `Method.layout`."""
-        n = self._topology.n_vertices
+        n = self._n
         return {
             "previous": ((n, 3), np.float64),
             "control": ((len(Control._fields),), np.float64),
@@ -167,7 +166,9 @@ class CurvatureTransformation:
             self._folds = found
             return found.positions
         if control.phase == Phase.STAR:
-            ahead = _ahead_along_radii(here, previous, centre, control.momentum)
+            ahead = here
+            if control.momentum > 0:
+                ahead = self._kernel.ahead_along_radii(here, previous, centre, control.momentum)
             moved = self._kernel.transform_radially(ahead, stage, step, centre)
             along = ahead if moved is None else moved  # None: the same curvature everywhere
             moved = self._kernel.ascend(along, previous, centre, min(control.momentum, MOMENTUM))
@@ -257,13 +258,14 @@ class CurvatureTransformation:
             and not control.given_up
             and self._round_enough(progress)
         ):
-            seen = self._covering(here, centre)
+            seen = self._kernel.covering(here, centre)
             if seen.turned < TURNED and seen.degree == 1:
                 control = self._begun(here, centre, control)
             elif seen.turned < TURNED and progress.iteration >= LATE:  # T may unwind it, but takes long
                 return self._about_another_point(here, centre, control) or Next(control, here, centre)
         elif control.phase == Phase.SPHERE and control.inward:
-            lost = looked and self._covering(here, centre).degree != 1  # what moves far may pass the centre
+            # What moves far may pass the centre.
+            lost = looked and self._kernel.covering(here, centre).degree != 1
             if lost or self._no_better(control):
                 return self._anew(progress, control)
         elif control.phase == Phase.STAR and looked:
@@ -274,13 +276,13 @@ class CurvatureTransformation:
     def _onto_the_sphere(self, progress: Progress, control: Control, here: Floats) -> Next:
         """Go on to the sphere from ``here`` (n, 3), about a point that it goes around once."""
         centre = self._kernel.shape(here).centroid
-        if self._covering(here, centre).degree == 1:
+        if self._kernel.covering(here, centre).degree == 1:
             return Next(self._begun(here, centre, control), here, centre)
         return self._about_another_point(here, centre, control) or self._given_up(progress, control)
 
     def _about_another_point(self, V: Floats, centre: Floats, control: Control) -> Next | None:
         """Go on to the sphere from V (n, 3) about a point near the centre that it goes around once, if one is found."""
-        inside = centre_inside(V, self._topology.faces, centre)
+        inside = self._kernel.centre_inside(V, centre)
         if inside is None:
             return None
         here = _on_a_sphere(V, inside)  # uneven radii about it may enclose less than nothing
@@ -330,19 +332,15 @@ class CurvatureTransformation:
             min(enough, LATE_ENOUGH) if progress.iteration >= LATE else enough
         )
 
-    def _covering(self, V: Floats, centre: Floats) -> Covering:
-        """Return how the directions of V (n, 3) from the centre cover the sphere."""
-        return covering(measures.normalised(V - centre), self._topology.faces)
-
     def _begun(self, V: Floats, centre: Floats, control: Control) -> Control:
         """Return the control with which a part on the sphere begins, from V (n, 3) and about the centre."""
-        return control.on_the_sphere(*folds(measures.normalised(V - centre), self._topology.faces))
+        return control.on_the_sphere(*self._kernel.folds(V, centre))
 
     def _on_the_sphere(
         self, V: Floats, centre: Floats, control: Control, stage: Stage, log_weights: Floats
     ) -> Unfolded:
         """Even the radii out; then rounds of unfolding, or of spreading, if need be."""
-        moved = evened_out(V, centre, stage.k_in, stage.k_out)
+        moved = self._kernel.even_out(V, centre, stage)
         if moved is None:  # the radii are equal
             moved = V.copy()
         if control.inward:
@@ -366,13 +364,3 @@ def _on_a_sphere(V: Floats, centre: Floats) -> Floats:
     spokes = V - centre
     radii = measures.norm(spokes)
     return np.asfortranarray(centre + (radii.mean() / radii)[:, None] * spokes)
-
-
-def _ahead_along_radii(here: Floats, previous: Floats, centre: Floats, momentum: float) -> Floats:
-    """Return (n, 3) where the momentum of the radii leads, r + b Δr for a radius r; directions stay."""
-    if momentum <= 0:
-        return here
-    spokes = here - centre
-    radii, before = measures.norm(spokes), measures.norm(previous - centre)
-    ahead: Floats = centre + spokes * (1 + momentum * (1 - before / radii))[:, None]
-    return ahead

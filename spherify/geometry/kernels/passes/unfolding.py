@@ -1,4 +1,4 @@
-"""Unfolding on the sphere, and elementary steps along the radii; see `spherify.geometry.unfolding`."""
+"""Unfolding on the sphere; see `spherify.geometry.unfolding`."""
 
 from __future__ import annotations
 
@@ -6,222 +6,213 @@ import math
 
 import numpy as np
 
+from spherify.geometry.kernels.passes.arithmetic import fma
+from spherify.geometry.kernels.passes.directions import back, back_from, direct, outcome, point, triangle
 from spherify.geometry.kernels.passes.jit import entry, inner
-from spherify.geometry.kernels.passes.types import Floats, Indices
-from spherify.geometry.unfolding import (
-    CROWDED,
-    FRACTION,
-    LEAST_ALTITUDE,
-    LEAST_AREA,
-    LEAST_LOG_WEIGHT,
-    NO_FLIP,
-    SMOOTHINGS,
-    SPREAD,
-)
+from spherify.geometry.kernels.passes.relaxation import gather_one, gather_two
+from spherify.geometry.kernels.passes.spans import SEGMENT, Span, Sums
+from spherify.geometry.kernels.passes.straight import BLOCK
+from spherify.geometry.kernels.passes.types import Buffers, Connectivity, Floats, Index, Indices, Scratch
+from spherify.geometry.kernels.passes.vectors import Vector
+from spherify.geometry.unfolding import FRACTION, LEAST_AREA, LEAST_LOG_WEIGHT
+
+# The passes, in this order; a call names some.
+DIRECT = 1
+AREAS = 2
+LEVEL = 4
+SMOOTH = 8
+APPROACH = 16
+WEIGH = 32
+DRAW = 64
+LOOK = 128
+BACK = 256
+ALL = 2 * BACK - 1
 
 
-@entry
-def move_radially(
-    position: Floats, K: Floats, K_min: float, K_max: float, step: float, outward: bool, centre: Floats
+@inner
+def areas_of(
+    x: Floats, y: Floats, z: Floats, a: Indices, b: Indices, c: Indices, areas: Floats, low: Index, high: Index
+) -> None:  # fmt: skip
+    """Write the areas of some triangles of directions."""
+    for f in range(low, high):
+        area, _ = triangle(point(x, y, z, a[f]), point(x, y, z, b[f]), point(x, y, z, c[f]))
+        areas[f] = area
+
+
+@inner
+def level_of(mesh: Connectivity, areas: Floats, level: Floats, low: Index, high: Index) -> None:
+    """Write the logarithms of the areas around vertices."""
+    for p in range(low, high):
+        total = 0.0
+        for i in range(mesh.first[p], mesh.first[np.uint32(p + np.uint32(1))]):
+            total += areas[mesh.halfedges[i] // np.uint32(3)]
+        level[p] = math.log(max(total, LEAST_AREA))
+
+
+@inner
+def add_levels(ring: Indices, level: Floats, total: Floats, begin: bool, at: Index, count: Index) -> None:
+    """Add the level of one neighbour each, to sums or, with ``begin``, to zero."""
+    for k in range(np.uint32(0), count):
+        total[k] = (0.0 if begin else total[k]) + level[ring[np.uint32(at + k)]]
+
+
+@inner
+def meet(level: Floats, total: Floats, by: float, smooth: Floats, low: Index, count: Index) -> None:
+    """Write the level of each vertex and the mean of its neighbours, half and half."""
+    for k in range(np.uint32(0), count):
+        p = np.uint32(low + k)
+        smooth[p] = 0.5 * (level[p] + total[k] / by)
+
+
+@inner
+def smoothed(
+    mesh: Connectivity, scratch: Scratch, level: Floats, smooth: Floats, first_run: int, last_run: int
 ) -> None:
-    """I_C or O_C with the direction from the centre for the normal, and without a bound."""
-    for p in range(K.size):
-        t = min(max((K[p] - K_min) / (K_max - K_min), 0.0), 1.0)
-        distance = step * (1.0 - t) if outward else -(step * t)
-        x, y, z = position[0, p] - centre[0], position[1, p] - centre[1], position[2, p] - centre[2]
-        share = distance / math.sqrt(x * x + y * y + z * z)
-        position[0, p] += share * x
-        position[1, p] += share * y
-        position[2, p] += share * z
+    """Smooth the levels of the vertices of some runs once."""
+    total = scratch.rows[0]
+    for run in range(first_run, last_run):
+        low, last, degree, at = mesh.runs[run, 0], mesh.runs[run, 1], mesh.runs[run, 3], mesh.runs[run, 4]
+        step = np.uint32(last - low)
+        while low < last:
+            count = min(np.uint32(BLOCK), np.uint32(last - low))
+            for j in range(np.uint32(0), degree):
+                add_levels(mesh.ring, level, total, j == np.uint32(0), np.uint32(at + j * step), count)
+            meet(level, total, np.float64(degree), smooth, low, count)
+            low = np.uint32(low + count)
+            at = np.uint32(at + count)
 
 
-@entry
-def unfold(
-    position: Floats, corners: Indices, starts: Indices, neighbours: Indices, log_weights: Floats,
-    centre: Floats, exponent: float, damping: float, rounds: int,
-) -> tuple[int, float]:  # fmt: skip
-    """Do what `spherify.geometry.unfolding.unfolded` does to ``position`` (3, n) and ``log_weights`` (n,).
-
-    Args:
-        position: (3, n), in and out.
-        corners: (3, m).
-        starts: (n + 1,) where the neighbours of each vertex begin.
-        neighbours: of all vertices.
-        log_weights: (n,), in and out.
-        centre: (3,)
-        exponent: e.
-        damping: share of the way the weights go.
-        rounds: how often directions are drawn.
-
-    Returns:
-        the number of inward faces, and the least area over the mean area, of the directions.
-
-    """
-    n, m = position.shape[1], corners.shape[1]
-    U, drawn = (
-        np.empty((n, 4)),
-        np.empty((n, 4)),
-    )  # a direction and its weight lie together, to be gathered at once
-    radius, level, other = np.empty(n), np.zeros(n), np.empty(n)
-    for p in range(n):
-        x, y, z = position[0, p] - centre[0], position[1, p] - centre[1], position[2, p] - centre[2]
-        radius[p] = math.sqrt(x * x + y * y + z * z)
-        U[p, 0], U[p, 1], U[p, 2] = x / radius[p], y / radius[p], z / radius[p]
-    for f in range(m):
-        a, b, c = corners[0, f], corners[1, f], corners[2, f]
-        area, _ = triangle(U, a, b, c)
-        level[a] += area
-        level[b] += area
-        level[c] += area
-    for p in range(n):
-        level[p] = math.log(max(level[p], LEAST_AREA))
-    for _ in range(SMOOTHINGS):
-        for p in range(n):
-            total = 0.0
-            for k in range(starts[p], starts[p + 1]):
-                total += level[neighbours[k]]
-            other[p] = 0.5 * (level[p] + total / (starts[p + 1] - starts[p]))
-        level, other = other, level
+@inner
+def approach(
+    log_weights: Floats, level: Floats, damping: float, exponent: float, low: Index, high: Index
+) -> float:
+    """Bring the logarithms of the weights nearer to e times the levels; return the greatest."""
     greatest = -np.inf
-    for p in range(n):
+    for p in range(low, high):
         log_weights[p] += damping * (exponent * level[p] - log_weights[p])
         greatest = max(greatest, log_weights[p])
-    for p in range(n):
+    return greatest
+
+
+@inner
+def weights_of(log_weights: Floats, greatest: float, weights: Floats, low: Index, high: Index) -> None:
+    """Make 1 the greatest weight."""
+    for p in range(low, high):
         log_weights[p] = max(log_weights[p] - greatest, LEAST_LOG_WEIGHT)
-        U[p, 3] = drawn[p, 3] = math.exp(log_weights[p])
-    for _ in range(rounds):
-        draw(U, drawn, starts, neighbours)
-        U, drawn = drawn, U
-    for p in range(n):
-        for k in range(3):
-            position[k, p] = centre[k] + radius[p] * U[p, k]
-    return outcome(U, corners)
+        weights[p] = math.exp(log_weights[p])
+
+
+@inner
+def draw(
+    x: Floats, y: Floats, z: Floats, sx: Floats, sy: Floats, sz: Floats, total: Floats,
+    tx: Floats, ty: Floats, tz: Floats, low: Index, count: Index,
+) -> None:  # fmt: skip
+    """Write directions drawn to the weighted means of their neighbours."""
+    for k in range(np.uint32(0), count):
+        p = np.uint32(low + k)
+        by = 1.0 / total[k]
+        mx, my, mz = sx[k] * by, sy[k] * by, sz[k] * by
+        ux, uy, uz = x[p], y[p], z[p]
+        along = mx * ux + my * uy + mz * uz
+        ux += FRACTION * (mx - along * ux)
+        uy += FRACTION * (my - along * uy)
+        uz += FRACTION * (mz - along * uz)
+        over = 1.0 / math.sqrt(fma(ux, ux, fma(uy, uy, uz * uz)))
+        tx[p], ty[p], tz[p] = over * ux, over * uy, over * uz
+
+
+@inner
+def drawn(
+    mesh: Connectivity, scratch: Scratch, w: Floats, x: Floats, y: Floats, z: Floats,
+    tx: Floats, ty: Floats, tz: Floats, first_run: int, last_run: int,
+) -> None:  # fmt: skip
+    """Draw the directions of the vertices of some runs once."""
+    sx, sy, sz, total = scratch.rows[0], scratch.rows[1], scratch.rows[2], scratch.rows[3]
+    ring = mesh.ring
+    for run in range(first_run, last_run):
+        low, last, degree, at = mesh.runs[run, 0], mesh.runs[run, 1], mesh.runs[run, 3], mesh.runs[run, 4]
+        step = np.uint32(last - low)
+        while low < last:
+            count = min(np.uint32(BLOCK), np.uint32(last - low))
+            odd = degree & np.uint32(1)
+            if odd:
+                gather_one(ring, w, x, y, z, sx, sy, sz, total, True, at, count)
+            for j in range(odd, degree, np.uint32(2)):
+                one = np.uint32(at + j * step)
+                two = np.uint32(one + step)
+                gather_two(
+                    ring, w, x, y, z, sx, sy, sz, total, j == np.uint32(0), one, two, count
+                )  # fmt: skip
+            draw(x, y, z, sx, sy, sz, total, tx, ty, tz, low, count)
+            low = np.uint32(low + count)
+            at = np.uint32(at + count)
 
 
 @entry
-def spread(position: Floats, corners: Indices, centre: Floats, rounds: int) -> tuple[int, float]:
-    """Do what `spherify.geometry.unfolding.spread` does to ``position`` (3, n).
+def unfold(  # noqa: PLR0912 - one entry, for each takes time to load
+    mesh: Connectivity, use: Buffers, scratch: Scratch, areas: Floats, sums: Sums, centre: Vector,
+    exponent: float, damping: float, greatest: float,
+    smoothings: tuple[int, int], rounds: tuple[int, int], passes: int, span: Span,
+) -> float:  # fmt: skip
+    """Do one thread's part of what `spherify.geometry.unfolding.unfolded` does to ``use.position``.
+
+    Args:
+        mesh: of a closed surface.
+        use: ``chosen[1]`` has log w, in and out; ``curvature`` the radii, ``altitude`` and ``chosen[0]`` in turn the
+            levels, ``area`` the weights, ``position`` and ``moved`` in turn the directions.
+        scratch: of the thread.
+        areas: (m,) of the triangles.
+        sums: what LOOK sums up, see `spherify.geometry.kernels.passes.directions.outcome`.
+        centre: c.
+        exponent: e.
+        damping: share of the way the weights go.
+        greatest: log w, for WEIGH; -inf if APPROACH is among the passes.
+        smoothings: which of them: from the first to one before the last.
+        rounds: likewise; the second of both is how many there are, if LEVEL, LOOK or BACK are among the passes.
+        passes: DIRECT + …; all of them for one thread, one at a time for several.
+        span: of the thread.
 
     Returns:
-        the number of inward faces, and the least area over the mean area, of the directions.
+        the greatest log w after APPROACH.
 
     """
-    n, m = position.shape[1], corners.shape[1]
-    U, radius, along, crowded = np.empty((n, 3)), np.empty(n), np.empty((n, 6)), np.empty(n, np.bool_)
-    areas = np.empty(m)
-    for p in range(n):
-        x, y, z = position[0, p] - centre[0], position[1, p] - centre[1], position[2, p] - centre[2]
-        radius[p] = math.sqrt(x * x + y * y + z * z)
-        U[p, 0], U[p, 1], U[p, 2] = x / radius[p], y / radius[p], z / radius[p]
-    for _ in range(rounds):
-        along[:] = 0.0
-        along[:, 5] = np.inf
-        crowded[:] = False
-        whole = 0.0
-        for f in range(m):
-            areas[f], _ = triangle(U, corners[0, f], corners[1, f], corners[2, f])
-            whole += areas[f]
-        for f in range(m):
-            if areas[f] < CROWDED * whole / m:
-                for k in range(3):
-                    crowded[corners[k, f]] = True
-        for f in range(m):
-            for k in range(3):
-                press(U, along, corners[k, f], corners[(k + 1) % 3, f], corners[(k + 2) % 3, f])
-        for p in range(n):
-            if crowded[p]:
-                yield_to(U, along, p)
-    for p in range(n):
-        for k in range(3):
-            position[k, p] = centre[k] + radius[p] * U[p, k]
-    return outcome(U, corners)
-
-
-@inner
-def tangents(x: float, y: float, z: float) -> tuple[float, float, float, float, float, float]:
-    """Return two orthonormal tangents of the sphere at a direction."""
-    if abs(x) < 0.6:
-        ax, ay, az = 0.0, z, -y
-    else:
-        ax, ay, az = -z, 0.0, x
-    length = math.sqrt(ax * ax + ay * ay + az * az)
-    ax, ay, az = ax / length, ay / length, az / length
-    return ax, ay, az, y * az - z * ay, z * ax - x * az, x * ay - y * ax
-
-
-@inner
-def press(U: Floats, along: Floats, p: int, q: int, r: int) -> None:
-    """Add what the triangle p, q, r adds to g, H and the least altitude at p, and to that at q and r."""
-    qx, qy, qz = U[q, 0], U[q, 1], U[q, 2]
-    dx, dy, dz = U[r, 0] - qx, U[r, 1] - qy, U[r, 2] - qz
-    x, y, z = qy * dz - qz * dy, qz * dx - qx * dz, qx * dy - qy * dx
-    length = max(math.sqrt(x * x + y * y + z * z), LEAST_AREA)
-    altitude = (x * (U[p, 0] - qx) + y * (U[p, 1] - qy) + z * (U[p, 2] - qz)) / length
-    altitude = max(altitude, LEAST_ALTITUDE)
-    share = 1 / (length * altitude)
-    ax, ay, az, bx, by, bz = tangents(U[p, 0], U[p, 1], U[p, 2])
-    one, two = share * (x * ax + y * ay + z * az), share * (x * bx + y * by + z * bz)
-    along[p, 0] += one
-    along[p, 1] += two
-    along[p, 2] += one * one
-    along[p, 3] += one * two
-    along[p, 4] += two * two
-    along[p, 5] = min(along[p, 5], altitude)
-    along[q, 5] = min(along[q, 5], altitude)
-    along[r, 5] = min(along[r, 5], altitude)
-
-
-@inner
-def yield_to(U: Floats, along: Floats, p: int) -> None:
-    """Move a direction as g and H say."""
-    g, h, a, b, c = along[p, 0], along[p, 1], along[p, 2], along[p, 3], along[p, 4]
-    determinant = max(a * c - b * b, LEAST_AREA)
-    one, two = (c * g - b * h) / determinant, (a * h - b * g) / determinant
-    share = min(SPREAD, NO_FLIP * along[p, 5] / max(math.sqrt(one * one + two * two), LEAST_AREA))
-    one, two = share * one, share * two
-    ax, ay, az, bx, by, bz = tangents(U[p, 0], U[p, 1], U[p, 2])
-    x, y, z = U[p, 0] + one * ax + two * bx, U[p, 1] + one * ay + two * by, U[p, 2] + one * az + two * bz
-    length = math.sqrt(x * x + y * y + z * z)
-    U[p, 0], U[p, 1], U[p, 2] = x / length, y / length, z / length
-
-
-@inner
-def outcome(U: Floats, corners: Indices) -> tuple[int, float]:
-    """Return the number of inward faces, and the least area over the mean area, of directions."""
-    inward, least, whole, m = 0, np.inf, 0.0, corners.shape[1]
-    for f in range(m):
-        area, facing = triangle(U, corners[0, f], corners[1, f], corners[2, f])
-        inward += facing <= 0
-        least = min(least, area)
-        whole += area
-    return inward, least * m / whole
-
-
-@inner
-def draw(U: Floats, drawn: Floats, starts: Indices, neighbours: Indices) -> None:
-    """Draw each direction to the weighted mean of its neighbours': from U (n, 4) to ``drawn``."""
-    for p in range(U.shape[0]):
-        x, y, z, total = 0.0, 0.0, 0.0, 0.0
-        for k in range(starts[p], starts[p + 1]):
-            q = neighbours[k]
-            w = U[q, 3]
-            x += w * U[q, 0]
-            y += w * U[q, 1]
-            z += w * U[q, 2]
-            total += w
-        x, y, z = x / total, y / total, z / total
-        along = x * U[p, 0] + y * U[p, 1] + z * U[p, 2]
-        x = U[p, 0] + FRACTION * (x - along * U[p, 0])
-        y = U[p, 1] + FRACTION * (y - along * U[p, 1])
-        z = U[p, 2] + FRACTION * (z - along * U[p, 2])
-        length = math.sqrt(x * x + y * y + z * z)
-        drawn[p, 0], drawn[p, 1], drawn[p, 2] = x / length, y / length, z / length
-
-
-@inner
-def triangle(U: Floats, a: int, b: int, c: int) -> tuple[float, float]:
-    """Return the area of a triangle of directions, and a number that is positive where it looks outward."""
-    ux, uy, uz = U[b, 0] - U[a, 0], U[b, 1] - U[a, 1], U[b, 2] - U[a, 2]
-    vx, vy, vz = U[c, 0] - U[a, 0], U[c, 1] - U[a, 1], U[c, 2] - U[a, 2]
-    x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    return 0.5 * math.sqrt(x * x + y * y + z * z), x * U[a, 0] + y * U[a, 1] + z * U[a, 2]
+    x, y, z, radius = use.position[0], use.position[1], use.position[2], use.curvature
+    mx, my, mz = use.moved[0], use.moved[1], use.moved[2]
+    one, other, log_weights = use.altitude, use.chosen[0], use.chosen[1]
+    first, last, m = span.first, span.last, np.uint32(areas.size)
+    if passes & DIRECT:
+        direct(x, y, z, radius, centre, first, last)
+    if passes & AREAS:
+        low = np.uint32(span.first_segment * SEGMENT)
+        high = min(np.uint32(span.last_segment * SEGMENT), m)
+        areas_of(x, y, z, mesh.corners[0], mesh.corners[1], mesh.corners[2], areas, low, high)
+    if passes & LEVEL:
+        level_of(mesh, areas, one, first, last)
+    if passes & SMOOTH:
+        for i in range(smoothings[0], smoothings[1]):
+            if i % 2 == 0:
+                smoothed(mesh, scratch, one, other, span.first_run, span.last_run)
+            else:
+                smoothed(mesh, scratch, other, one, span.first_run, span.last_run)
+    if passes & APPROACH:
+        level = one if smoothings[1] % 2 == 0 else other
+        greatest = max(greatest, approach(log_weights, level, damping, exponent, first, last))
+    if passes & WEIGH:
+        weights_of(log_weights, greatest, use.area, first, last)
+    if passes & DRAW:
+        for i in range(rounds[0], rounds[1]):
+            if i % 2 == 0:
+                drawn(mesh, scratch, use.area, x, y, z, mx, my, mz, span.first_run, span.last_run)
+            else:
+                drawn(mesh, scratch, use.area, mx, my, mz, x, y, z, span.first_run, span.last_run)
+    if passes & LOOK:
+        if rounds[1] % 2 == 0:
+            outcome(x, y, z, mesh.corners, sums, span)
+        else:
+            outcome(mx, my, mz, mesh.corners, sums, span)
+    if passes & BACK:
+        if rounds[1] % 2 == 0:
+            back(x, y, z, radius, centre, first, last)
+        else:
+            back_from(mx, my, mz, x, y, z, radius, centre, first, last)
+    return greatest
