@@ -42,6 +42,11 @@ from spherify.geometry.unfolding import Unfolded
 STILL_WOUND: Final = (
     "the surface, wound around itself, could not be unwound: the run went back to before that was tried"
 )
+OF_UNIT: Final = {  # after a step
+    "absolute": "",
+    "initial-mean-edge": " of the mean edge at the start",
+    "mean-edge": " of the mean edge",
+}
 STANDSTILL: Final = "the curvature is the same at every vertex, so the transformation does not move any"
 ROUND_ENOUGH: Final = (
     0.2  # radius variation below which it is on the sphere that a run goes on when it is stuck
@@ -149,7 +154,7 @@ class CurvatureTransformation:
             return None
         return (
             f"the best sphericity {progress.best_shape.sphericity:.6f} did not rise by {PLATEAU_RISE:g} while the "
-            f"step was reduced to {annealing.min_step:g} {self._config.step_unit}"
+            f"step was reduced to {annealing.min_step:g}{OF_UNIT[self._config.step_unit]}"
         )
 
     def advance(self, progress: Progress) -> Step:
