@@ -152,7 +152,7 @@ def _pinch(triangles: Ints, F: Ints) -> str:
     vertices = np.unique(F[triangles])
     return (
         f"pinched {_some('triangle', triangles)} of {len(F)}, at {_some('vertex', vertices, 'vertices')} (from 0), to "
-        f"less than {PINCHED:g} of what they began with (as parts of the area): there mean curvature flow becomes singular"
+        f"less than {PINCHED:g} of the share of the area they began with: there mean curvature flow becomes singular"
     )
 
 
