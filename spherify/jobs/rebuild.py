@@ -19,7 +19,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from spherify.jobs import layout
@@ -27,7 +27,7 @@ from spherify.jobs.accounts import read_account
 from spherify.jobs.codec import load_mesh_record, load_request, load_spec
 from spherify.jobs.errors import BlobNotFoundError, JobsError, StorageFullError, StoreUnavailableError
 from spherify.jobs.ids import is_job_id, time_of
-from spherify.jobs.model import Job, JobSpec
+from spherify.jobs.model import Job, JobSpec, JobStatus
 from spherify.jobs.ports import BlobStore, JobQueue, JobStore, MeshStore
 from spherify.jobs.repeats import KEPT_S, RepeatStore
 from spherify.jobs.results import Result, read_result
@@ -137,17 +137,19 @@ def restore_job(stock: Stock, job_id: str) -> bool:
         )
     known = read_account(blobs, job_id)
     job = Job(spec, token=known.token, attempt=known.attempt, losses=known.losses)
+    asked = blobs.stat(layout.cancel(job_id))
+    if asked is not None:  # from the first moment on: whoever dies over it leaves nothing that may be claimed
+        job = replace(job, status=JobStatus.CANCELLED, stop_reason="cancelled", finished_at=asked.created_at)
     restored = stock.jobs.restore(job, (), spent_s=known.spent_s)
-    if restored and blobs.stat(layout.cancel(job_id)) is not None:
-        stock.jobs.request_cancel(job_id)
+    if restored and asked is None:
+        stock.queue.send(job_id)
+    elif restored:
         try:
             settle(stock.jobs, blobs, job_id)
         except StorageFullError as e:
             log.warning(
                 "restored, and not settled: %s; the reconciler will", e, extra=named(job_id, "rebuild")
             )
-    elif restored:
-        stock.queue.send(job_id)
     return restored
 
 

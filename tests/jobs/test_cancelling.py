@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from spherify.jobs import layout
 from spherify.jobs.cancel import cancel
-from spherify.jobs.errors import StorageFullError
+from spherify.jobs.errors import StorageFullError, StoreUnavailableError
 from spherify.jobs.model import JobStatus
 from spherify.jobs.ports import BlobStat, CancelOutcome, ClaimOutcome
 from spherify.jobs.rebuild import Stock, rebuild, restore_job
@@ -47,6 +48,29 @@ def test_a_cancelled_job_comes_back_where_its_end_finds_no_space(
     lose()
     assert restore_job(replace(stock, blobs=Full(tmp_path / "blobs")), spec.id)
     assert stock.jobs.get(spec.id).status is JobStatus.CANCELLED
+    assert stock.jobs.unsettled() == [spec.id], "the reconciler writes its end"
+
+
+def test_a_cancel_counts_though_whoever_made_the_record_anew_died_over_it(
+    stock: Stock, lose: Callable[[], object], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    restore = stock.jobs.restore
+
+    def unheard(*args: Any, **more: Any) -> bool:
+        restore(*args, **more)
+        raise StoreUnavailableError("the answer was lost on the way")
+
+    spec = submitted(stock)
+    stock.jobs.claim(spec.id, "w")
+    assert cancel(stock.jobs, stock.blobs, spec.id) is CancelOutcome.CANCELLING
+    lose()
+    with monkeypatch.context() as patch:
+        patch.setattr(stock.jobs, "restore", unheard)
+        with pytest.raises(StoreUnavailableError):
+            rebuild(stock)
+    assert rebuild(stock)
+    assert stock.jobs.get(spec.id).status is JobStatus.CANCELLED
+    assert stock.jobs.claim(spec.id, "w").outcome is ClaimOutcome.DONE
     assert stock.jobs.unsettled() == [spec.id], "the reconciler writes its end"
 
 
