@@ -133,7 +133,7 @@ class Page(Generic[T]):
 
 @dataclass(frozen=True, slots=True)
 class Kept:
-    """Iterations of the snapshots and rows that stay when a job ends: those of the attempt that ended it."""
+    """Iterations of the snapshots and rows that stay, of all that attempts told: those of the present one."""
 
     snapshots: frozenset[int]
     rows: frozenset[int]

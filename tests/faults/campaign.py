@@ -94,7 +94,8 @@ class Campaign:
             ):
                 orders.pop()
             done.update(filter(self._is_done, self.ledger.acknowledged.keys() - done))
-            return not (orders or plan or self.injectors.later) and len(done) == len(self.ledger.acknowledged)
+            under_way_still = orders or plan or self.injectors.later or self.injectors.stopped
+            return not under_way_still and len(done) == len(self.ledger.acknowledged)
 
         try:
             wait_for(all_done, limit_s=limit_s, what=f"{jobs} jobs, see {self.stack.data_dir}")

@@ -72,7 +72,7 @@ class Injectors:
             self._note(fault, process.pid, job)
             process.send_signal(number)
             if number == signal.SIGTERM:
-                self.stopped.setdefault(process.pid, time.monotonic())
+                self.stopped[process.pid] = time.monotonic()
         return True
 
     def _kill_child(self) -> bool:

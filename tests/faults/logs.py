@@ -19,6 +19,11 @@ class Line:
     job_id: str
     message: str
 
+    @property
+    def says_rebuilt(self) -> bool:
+        """Whether all records are back; not that one of them is not, nor that they were lost again meanwhile."""
+        return self.message.startswith("records rebuilt") and not self.message.endswith("lost again")
+
 
 FOUND: Final = {"reconcile-lost", "reconcile-orphan", "lose", "hand-on", "rebuild"}
 
@@ -99,9 +104,7 @@ class Logs:
 
     def rebuilt(self, at: float) -> float | None:
         """Return how long after a moment the records were all back, in seconds; None if nobody said so."""
-        return next(
-            (line.at - at for line in self.lines() if line.action == "rebuild" and line.at > at), None
-        )
+        return next((line.at - at for line in self.lines() if line.at > at and line.says_rebuilt), None)
 
     def _look(self) -> None:
         for path in [*self.folder.glob("worker-*.log"), *self.folder.glob("api*.log")]:
