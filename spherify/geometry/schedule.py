@@ -11,7 +11,7 @@ from spherify.geometry.config import Stage
 from spherify.geometry.errors import InvalidConfigError
 
 MAX_SNAPSHOTS: Final = 1000
-FIRST_ROWS: Final = (0, 1, 2, 3, 4, 6, 8, 11, 14, 18, 23, 29, 37, 47, 59, 74)  # distances grow by a quarter
+FIRST_ROWS: Final = (*range(11), 13, 16, 20, 25, 31, 39, 49, 61, 76)  # then distances grow by a quarter
 ROWS_AFTERWARDS: Final = 500
 LEAST_STRIDE: Final = 20  # a row takes a fifth of an iteration
 
