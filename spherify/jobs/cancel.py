@@ -35,6 +35,8 @@ def cancel(jobs: JobStore, blobs: BlobStore, job_id: str) -> CancelOutcome:
             blobs.create(layout.cancel(job_id), b"")
         # Once more: if the record was lost meanwhile, whoever made it anew may not have seen that file.
         outcome = jobs.request_cancel(job_id)
+        if outcome is CancelOutcome.FINISHED:  # it came to its end meanwhile, and nobody is told of a cancel
+            blobs.delete(layout.cancel(job_id))
         if outcome is not CancelOutcome.CANCELLING:
             settle(jobs, blobs, job_id)
     except StorageFullError:

@@ -13,7 +13,7 @@ from spherify.jobs import layout
 from spherify.jobs.cancel import cancel
 from spherify.jobs.errors import StorageFullError, StoreUnavailableError
 from spherify.jobs.model import JobStatus
-from spherify.jobs.ports import BlobStat, CancelOutcome, ClaimOutcome
+from spherify.jobs.ports import BlobStat, CancelOutcome, ClaimOutcome, Renewal
 from spherify.jobs.rebuild import Stock, rebuild, restore_job
 from spherify.jobs.results import read_result
 from spherify.stores.blobs import FolderBlobStore
@@ -111,3 +111,23 @@ def test_a_cancel_counts_though_the_record_was_made_anew_before_a_file_said_so(
     lose()
     rebuild(stock)
     assert stock.jobs.get(spec.id).status is JobStatus.CANCELLED
+
+
+def test_a_cancel_that_came_too_late_leaves_nothing_that_cancels_the_job_later(
+    stock: Stock, lose: Callable[[], object], tmp_path: Path
+) -> None:
+    class Slower(FolderBlobStore):
+        """Between record and file everything is forgotten and made anew, and an attempt is about to write its end."""
+
+        def create(self, key: str, chunks: bytes | Iterable[bytes]) -> BlobStat:
+            if key == layout.cancel(spec.id):
+                lose()
+                assert rebuild(stock)
+                assert stock.jobs.seal(spec.id, stock.jobs.claim(spec.id, "w").token) is Renewal.HELD
+            return super().create(key, chunks)
+
+    spec = submitted(stock)
+    assert cancel(stock.jobs, Slower(tmp_path / "blobs"), spec.id) is CancelOutcome.FINISHED
+    lose()  # and the attempt died
+    assert rebuild(stock)
+    assert stock.jobs.get(spec.id).status is JobStatus.ACCEPTED
