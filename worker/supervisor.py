@@ -14,6 +14,7 @@ from collections.abc import Callable
 from enum import Enum
 from typing import Any, Final
 
+from spherify.jobs import layout
 from spherify.jobs.accounts import write_account
 from spherify.jobs.codec import load_outcome, load_progress
 from spherify.jobs.errors import StorageFullError, StoreUnavailableError
@@ -161,6 +162,8 @@ class _Attempt:
         if earlier is not None:  # an attempt died between the file and the record
             self._ending.adopt(earlier)
             return
+        if self._boss.blobs.stat(layout.cancel(self._job_id)) is not None:  # the record may be an older copy
+            insist(lambda: self._jobs.request_cancel(self._job_id))
         self._keep_account()
         try:
             runner = self._boss.runners.take()

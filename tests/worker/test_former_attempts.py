@@ -1,15 +1,17 @@
-"""The record of a job that has ended holds what the attempt that ended it told, as its ``result.json`` does."""
+"""What a job ends with, whatever former attempts told and an older copy of its record says: one end, in record and file."""
 
 from __future__ import annotations
 
 from spherify.jobs import layout
+from spherify.jobs.cancel import cancel
 from spherify.jobs.model import JobStatus, Progress, Snapshot
+from spherify.jobs.ports import CancelOutcome
 from spherify.jobs.results import read_result
 from spherify.jobs.submit import submit
 from spherify.settings import Settings
 from spherify.stores.connect import Stores
 from tests.jobs.examples import job_spec
-from tests.worker.supervised import Watched
+from tests.worker.supervised import Watched, endless
 from tests.worker.test_supervisor import supervise
 
 
@@ -39,3 +41,29 @@ def test_what_a_former_attempt_told_and_the_last_one_did_not_come_to_is_gone(
     left = {stat.key for stat in stores.blobs.list(layout.snapshots(spec.id))}
     assert left == kept
     assert beyond not in kept
+
+
+def test_a_cancel_counts_though_an_older_copy_of_the_record_knows_nothing_of_it(
+    stores: Stores, settings: Settings, runners: Watched
+) -> None:
+    """As after a replica has taken over that was behind; the states that were kept stay."""
+    job_id = endless(stores)
+    begun = supervise(
+        stores, settings, runners, job_id, each_tick=lambda: len(stores.jobs.get(job_id).snapshots) > 1
+    )
+    assert begun.status is JobStatus.ACCEPTED
+    for key in stores.client.keys("spherify:*"):
+        stores.client.copy(key, f"older:{key}")
+    stores.jobs.claim(job_id, "another")
+    assert cancel(stores.jobs, stores.blobs, job_id) is CancelOutcome.CANCELLING
+    for key in stores.client.keys("older:*"):
+        stores.client.rename(key, key.removeprefix("older:"))
+    assert stores.jobs.get(job_id).status is JobStatus.ACCEPTED
+    limited = settings.model_copy(update={"wall_limit_s": 30.0, "cancel_grace_s": 30.0})
+    job = supervise(stores, limited, runners, job_id)
+    assert (job.status, job.losses) == (JobStatus.CANCELLED, 0)
+    assert {0, 2} <= {snapshot.iteration for snapshot in job.snapshots}
+    result = read_result(stores.blobs, job_id)
+    assert result is not None
+    assert (result.outcome.status, result.whole) == (JobStatus.CANCELLED, True)
+    assert tuple(result.snapshots) == job.snapshots
