@@ -38,7 +38,7 @@ LEAST_ALTITUDE: Final = 1e-30
 LEAST_AREA: Final = 1e-300  # under a logarithm
 SPREAD: Final = 0.5  # of the way to the point where the product of the areas around a vertex is the greatest
 NO_FLIP: Final = (
-    0.3  # of the least altitude around: two corners that come nearer by half of it flip a triangle
+    0.25  # of its altitude, that a corner gives up at most: all three of a triangle leave a quarter
 )
 CROWDED: Final = 1e-5  # share of the mean area, of a triangle whose corners are drawn apart
 EVENING: Final = 0.05  # of the greatest curvature of the radii, the step of evening them out
@@ -117,10 +117,10 @@ def spread(V: Floats, topology: Topology, centre: Floats, rounds: int) -> Unfold
     """Draw triangles of directions apart that have all but vanished, all of which look outward, and keep to do so.
 
     Each corner of a triangle of less than CROWDED times the mean area makes SPREAD of a step of Newton's method in its
-    tangent plane towards the greatest product of the areas around it, a barrier that no triangle passes; but none moves
-    further than NO_FLIP times the least altitude around it. With h the distance of u from the great circle through the
-    other corners of a triangle, and m the normal of that circle: g = Σ m/h, H = Σ m mᵀ/h², both in the tangent plane,
-    u ← normalised(u + H⁻¹g/2).
+    tangent plane towards the greatest product of the areas around it, a barrier that no triangle passes; but none comes
+    nearer to the opposite side of a triangle by more than NO_FLIP of its distance, nor goes further than NO_FLIP of the
+    shortest edge at it. With h the distance of u from the great circle through the other corners of a triangle, and m
+    the normal of that circle: g = Σ m/h, H = Σ m mᵀ/h², both in the tangent plane, u ← normalised(u + H⁻¹g/2).
 
     Args:
         V: (n, 3) positions; radii stay.
@@ -138,10 +138,11 @@ def spread(V: Floats, topology: Topology, centre: Floats, rounds: int) -> Unfold
     U = spokes / radii
     for _ in range(rounds):
         first, second = _tangents(U)
-        along, least = np.zeros((n, 5)), np.full(n, np.inf)
+        along, shortest, nearer = np.zeros((n, 5)), np.full(n, np.inf), np.zeros(n)
         areas = measures.face_areas(U, F)
         crowded = np.zeros(n, dtype=np.bool_)
         crowded[F[areas < CROWDED * areas.mean()]] = True
+        shares = []  # m/h at the corners
         for k in range(3):
             p, q, r = (F[:, (k + j) % 3] for j in range(3))
             across = np.cross(U[q], U[r] - U[q])
@@ -149,16 +150,22 @@ def spread(V: Floats, topology: Topology, centre: Floats, rounds: int) -> Unfold
             altitude = np.maximum(measures.dot(across, U[p] - U[q]) / length, LEAST_ALTITUDE)
             by = 1 / (length * altitude)
             x, y = by * measures.dot(across, first[p]), by * measures.dot(across, second[p])
+            shares.append((x, y))
             for column, values in enumerate((x, y, x * x, x * y, y * y)):
                 along[:, column] += measures.scatter(p, values, n)
-            for corner in (p, q, r):
-                np.minimum.at(least, corner, altitude)
+            edge = measures.norm(U[q] - U[p])
+            np.minimum.at(shortest, p, edge)
+            np.minimum.at(shortest, q, edge)
         g, (a, b, c) = along[:, :2], along[:, 2:].T
         determinant = np.maximum(a * c - b * b, LEAST_AREA)
-        x, y = (c * g[:, 0] - b * g[:, 1]) / determinant, (a * g[:, 1] - b * g[:, 0]) / determinant
-        most = NO_FLIP * least / np.maximum(np.hypot(x, y), LEAST_AREA)
+        s, t = (c * g[:, 0] - b * g[:, 1]) / determinant, (a * g[:, 1] - b * g[:, 0]) / determinant
+        for k, (x, y) in enumerate(shares):
+            np.maximum.at(nearer, F[:, k], -(x * s[F[:, k]] + y * t[F[:, k]]))
+        most = NO_FLIP * np.minimum(
+            1 / np.maximum(nearer, LEAST_AREA), shortest / np.maximum(np.hypot(s, t), LEAST_AREA)
+        )
         by = np.where(crowded, np.minimum(SPREAD, most), 0)[:, None]
-        U = measures.normalised(U + by * (x[:, None] * first + y[:, None] * second))
+        U = measures.normalised(U + by * (s[:, None] * first + t[:, None] * second))
     inward, least_area = folds(U, F)
     return Unfolded(np.asfortranarray(centre + radii * U), np.zeros(0), inward, least_area)
 

@@ -53,13 +53,16 @@ def tangents(x: float, y: float, z: float) -> tuple[float, float, float, float, 
 
 
 @inner
-def opposite(u: Vector, q: Vector, r: Vector) -> tuple[float, float, float, float, float]:
-    """Return the distance of u from the great circle through q and r, and the normal of that, with its length."""
+def share(
+    u: Vector, q: Vector, r: Vector, ax: float, ay: float, az: float, bx: float, by: float, bz: float
+) -> tuple[float, float]:
+    """Return m/h for the corner u of a triangle u, q, r, along the tangents a and b."""
     dx, dy, dz = r[0] - q[0], r[1] - q[1], r[2] - q[2]
     x, y, z = q[1] * dz - q[2] * dy, q[2] * dx - q[0] * dz, q[0] * dy - q[1] * dx
     length = max(math.sqrt(x * x + y * y + z * z), LEAST_AREA)
-    altitude = (x * (u[0] - q[0]) + y * (u[1] - q[1]) + z * (u[2] - q[2])) / length
-    return max(altitude, LEAST_ALTITUDE), x, y, z, length
+    altitude = max((x * (u[0] - q[0]) + y * (u[1] - q[1]) + z * (u[2] - q[2])) / length, LEAST_ALTITUDE)
+    over = 1 / (length * altitude)
+    return over * (x * ax + y * ay + z * az), over * (x * bx + y * by + z * bz)
 
 
 @inner
@@ -67,27 +70,32 @@ def pressed(mesh: Connectivity, x: Floats, y: Floats, z: Floats, p: Index) -> Ve
     """Return where the triangles around p lead its direction."""
     three, u = np.uint32(3), point(x, y, z, p)
     ax, ay, az, bx, by, bz = tangents(u[0], u[1], u[2])
-    g, h, a, b, c, least = 0.0, 0.0, 0.0, 0.0, 0.0, np.inf
-    for i in range(mesh.first[p], mesh.first[np.uint32(p + np.uint32(1))]):
-        halfedge = mesh.halfedges[i]
-        f, at = halfedge // three, halfedge % three
+    g, h, a, b, c, shortest = 0.0, 0.0, 0.0, 0.0, 0.0, np.inf
+    first, last = mesh.first[p], mesh.first[np.uint32(p + np.uint32(1))]
+    for i in range(first, last):
+        f, at = mesh.halfedges[i] // three, mesh.halfedges[i] % three
         v = point(x, y, z, mesh.corners[(at + np.uint32(1)) % three, f])
         w = point(x, y, z, mesh.corners[(at + np.uint32(2)) % three, f])
-        altitude, nx, ny, nz, length = opposite(u, v, w)
-        share = 1 / (length * altitude)
-        one, two = share * (nx * ax + ny * ay + nz * az), share * (nx * bx + ny * by + nz * bz)
+        one, two = share(u, v, w, ax, ay, az, bx, by, bz)
         g += one
         h += two
         a += one * one
         b += one * two
         c += two * two
-        beside, _, _, _, _ = opposite(v, w, u)
-        behind, _, _, _, _ = opposite(w, u, v)
-        least = min(least, altitude, beside, behind)
+        dx, dy, dz = v[0] - u[0], v[1] - u[1], v[2] - u[2]
+        shortest = min(shortest, dx * dx + dy * dy + dz * dz)
     determinant = max(a * c - b * b, LEAST_AREA)
-    one, two = (c * g - b * h) / determinant, (a * h - b * g) / determinant
-    share = min(SPREAD, NO_FLIP * least / max(math.sqrt(one * one + two * two), LEAST_AREA))
-    one, two = share * one, share * two
+    s, t = (c * g - b * h) / determinant, (a * h - b * g) / determinant
+    nearer = LEAST_AREA
+    for i in range(first, last):
+        f, at = mesh.halfedges[i] // three, mesh.halfedges[i] % three
+        v = point(x, y, z, mesh.corners[(at + np.uint32(1)) % three, f])
+        w = point(x, y, z, mesh.corners[(at + np.uint32(2)) % three, f])
+        one, two = share(u, v, w, ax, ay, az, bx, by, bz)
+        nearer = max(nearer, -(one * s + two * t))
+    far = max(math.sqrt(s * s + t * t), LEAST_AREA)
+    moved = min(SPREAD, NO_FLIP * min(1 / nearer, math.sqrt(shortest) / far))
+    one, two = moved * s, moved * t
     tx, ty, tz = u[0] + one * ax + two * bx, u[1] + one * ay + two * by, u[2] + one * az + two * bz
     length = math.sqrt(tx * tx + ty * ty + tz * tz)
     return tx / length, ty / length, tz / length
