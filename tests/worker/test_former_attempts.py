@@ -1,4 +1,4 @@
-"""What a job ends with, whatever former attempts told and an older copy of its record says: one end, in record and file."""
+"""What a job ends with, whatever former attempts told or an older copy of its record says."""
 
 from __future__ import annotations
 
