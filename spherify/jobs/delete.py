@@ -10,7 +10,13 @@ from contextlib import suppress
 
 from spherify.jobs import layout
 from spherify.jobs.codec import dump_request
-from spherify.jobs.errors import BlobExistsError, JobNotFinishedError, StorageFullError
+from spherify.jobs.errors import (
+    BlobExistsError,
+    JobNotFinishedError,
+    MeshInUseError,
+    MeshNotFoundError,
+    StorageFullError,
+)
 from spherify.jobs.ports import BlobStore, JobStore, MeshStore
 from spherify.jobs.settle import remove_folder, settle
 
@@ -34,3 +40,8 @@ def delete_mesh(meshes: MeshStore, blobs: BlobStore, mesh_id: str) -> None:
     meshes.delete(mesh_id)
     blobs.delete(layout.mesh_record(mesh_id))  # without it nothing brings the mesh back
     remove_folder(blobs, layout.mesh_folder(mesh_id))
+    if blobs.stat(layout.mesh_arrays(mesh_id)) is None:  # else it was uploaded anew, with all its files
+        # An upload of the same bytes may have found files still there, and recorded the mesh.
+        blobs.delete(layout.mesh_record(mesh_id))
+        with suppress(MeshNotFoundError, MeshInUseError):
+            meshes.delete(mesh_id)

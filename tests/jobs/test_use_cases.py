@@ -23,7 +23,7 @@ from spherify.jobs.errors import (
 from spherify.jobs.ids import earliest_job_id, is_job_id, job_id_at, new_job_id
 from spherify.jobs.model import JobStatus, Outcome, RequestKey
 from spherify.jobs.orphans import Orphans
-from spherify.jobs.ports import CancelOutcome, Renewal
+from spherify.jobs.ports import BlobStat, CancelOutcome, Renewal
 from spherify.jobs.reconcile import Reconciler, sweep_scratch
 from spherify.jobs.results import Result, publish_result, read_result, write_result
 from spherify.jobs.submit import submit
@@ -204,6 +204,39 @@ def test_deleting_removes_the_files(world: World) -> None:
         world.meshes.get(mesh.id)
     with pytest.raises(BlobNotFoundError):
         world.blobs.read(layout.mesh_arrays(mesh.id))
+
+
+@pytest.mark.parametrize("anew", [False, True])
+def test_a_mesh_recorded_while_it_is_deleted_has_its_files_or_no_record(
+    world: World, tmp_path: Path, anew: bool
+) -> None:
+    """An upload of the same bytes finds all files before the first of them is removed, or writes them anew after."""
+    mesh = mesh_record()
+    files = {
+        layout.mesh_arrays(mesh.id): b"arrays",
+        layout.mesh_original(mesh.id, mesh.format): b"bytes",
+        layout.mesh_record(mesh.id): b"record",
+    }
+
+    class Meanwhile(FolderBlobStore):
+        def delete(self, key: str) -> bool:
+            if not anew and key == layout.mesh_record(mesh.id):
+                assert world.meshes.add(mesh)
+            return super().delete(key)
+
+        def stat(self, key: str) -> BlobStat | None:
+            if anew and key == layout.mesh_arrays(mesh.id) and world.meshes.unknown([mesh.id]):
+                assert world.meshes.add(mesh)
+                for name, content in files.items():
+                    self.create(name, content)
+            return super().stat(key)
+
+    blobs = Meanwhile(tmp_path / "blobs")
+    for name, content in files.items():
+        blobs.create(name, content)
+    delete_mesh(world.meshes, blobs, mesh.id)
+    assert world.meshes.unknown([mesh.id]) == ([] if anew else [mesh.id])
+    assert {blob.key for blob in blobs.list(layout.mesh_folder(mesh.id))} == (set(files) if anew else set())
 
 
 def test_a_full_disk_is_no_reason_not_to_delete(world: World, tmp_path: Path) -> None:
