@@ -225,7 +225,8 @@ def test_a_mesh_recorded_while_it_is_deleted_has_its_files_or_no_record(
             return super().delete(key)
 
         def stat(self, key: str) -> BlobStat | None:
-            if anew and key == layout.mesh_arrays(mesh.id) and world.meshes.unknown([mesh.id]):
+            gone = not any(Path(self.root, name).exists() for name in files)
+            if anew and gone and key == layout.mesh_arrays(mesh.id):
                 assert world.meshes.add(mesh)
                 for name, content in files.items():
                     self.create(name, content)
