@@ -51,6 +51,7 @@ export class Stage extends Emitter {
   private tick = 0;
   private last = 0;
   private closed = false;
+  private retry: ReturnType<typeof setTimeout> | undefined;
 
   constructor(
     private readonly context: Pick<Context, 'api' | 'worker' | 'toast'>,
@@ -173,6 +174,7 @@ export class Stage extends Emitter {
   close(): void {
     this.closed = true;
     cancelAnimationFrame(this.tick);
+    clearTimeout(this.retry);
     this.run.close();
     this.viewer.dispose();
     this.frames.close();
@@ -212,6 +214,7 @@ export class Stage extends Emitter {
       const newest = this.states.at(-1) ?? 0;
       this.at = this.following ? newest : Math.min(this.at, newest);
     } catch (thrown) {
+      if (this.isClosed()) return;
       this.opened = 'no';
       this.fail(thrown);
     }
@@ -349,11 +352,12 @@ export class Stage extends Emitter {
     if (this.closed) return;
     this.problem = asProblem(thrown);
     if (this.opened !== 'yes') this.viewer.expect(willPass(thrown));
-    if (willPass(thrown))
-      setTimeout(() => {
+    if (willPass(thrown)) {
+      clearTimeout(this.retry);
+      this.retry = setTimeout(() => {
         this.news();
       }, this.problem.waitMs(RETRY_MS));
-    else if (this.color !== null && this.opened === 'yes') {
+    } else if (this.color !== null && this.opened === 'yes') {
       this.context.toast(this.problem.detail, 'bad');
       this.color = null; // this mesh has no such field
     }
