@@ -40,7 +40,7 @@ SPREAD: Final = 0.5  # of the way to the point where the product of the areas ar
 NO_FLIP: Final = (
     0.25  # of its altitude, that a corner gives up at most: all three of a triangle leave a quarter
 )
-CROWDED: Final = 1e-5  # share of the mean area, of a triangle whose corners are drawn apart
+CROWDED: Final = 1e-3  # share of the mean area, of a triangle whose corners are drawn apart
 EVENING: Final = 0.05  # of the greatest curvature of the radii, the step of evening them out
 LEAST_RADIUS: Final = 0.5  # of what it was before: no vertex passes the centre, not even by inward steps only
 EQUAL_RADII: Final = 1e-15  # a curvature below this share of the radius is rounding
