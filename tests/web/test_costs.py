@@ -1,15 +1,17 @@
-"""What the page must not do, whatever the clock says: draw or read meshes on its own thread, or load much at first."""
+"""What the page must not do, whatever the clock says: draw or read meshes on its own thread, load much, or flicker."""
 
 from __future__ import annotations
 
 import gzip
+import io
 import re
 
 import pytest
-from playwright.sync_api import Page, expect
+from PIL import Image, ImageChops, ImageStat
+from playwright.sync_api import Page, Route, expect
 
 from service.site import BUILT
-from tests.stack import Stack
+from tests.stack import Stack, wait_for
 from tests.web.browser import iteration, settled, worker
 
 FIRST_BYTES = 30_000  # compressed: what is needed before anything can be seen
@@ -68,6 +70,51 @@ def test_the_place_of_the_picture_is_held_until_it_is_there(
     seen = page.evaluate("expected")
     assert seen[0] == "ball"
     assert "ball" not in seen[1:]  # it is gone with the first picture, and does not come back
+
+
+SEEN = """
+window.seen = [];
+new MutationObserver(() => {
+  const viewer = document.querySelector('.viewer');
+  const note = document.querySelector('.over')?.textContent.trim();
+  seen.push(!viewer ? 'nothing' : viewer.classList.contains('expecting') ? 'ball' : note || viewer.dataset.drawn);
+}).observe(document, { attributes: true, characterData: true, childList: true, subtree: true });
+"""
+
+
+def test_the_preview_of_a_file_stays_until_what_the_service_has_is_drawn(
+    page: Page, stack: Stack, animal: bytes
+) -> None:
+    held: list[Route] = []
+
+    def hold(route: Route) -> None:
+        held.append(route)
+
+    def picture() -> Image.Image:
+        return Image.open(io.BytesIO(page.locator(".viewer").screenshot())).convert("RGB")
+
+    page.route(re.compile("/v1/meshes[?]"), hold)
+    page.goto(stack.url)
+    page.locator("input[type=file]").set_input_files(
+        {"name": "cat.obj", "mimeType": "model/obj", "buffer": animal}
+    )
+    settled(page)
+    canvas = page.locator(".viewer canvas")
+    canvas.focus()
+    for key in ("ArrowLeft", "ArrowLeft", "ArrowLeft", "ArrowUp", "+", "+"):
+        page.keyboard.press(key)
+    settled(page)
+    preview, before = canvas.element_handle(), picture()
+    page.evaluate(SEEN)
+    wait_for(lambda: held, what="the file is sent")
+    held[0].continue_()
+    expect(page.locator(".report .good")).to_have_count(3)
+    wait_for(lambda: "no" in page.evaluate("seen"), what="the surface of the service is put in")
+    settled(page)
+    assert set(page.evaluate("seen")) <= {"no", "yes"}  # no ball, no note, and never without a picture
+    assert canvas.evaluate("(canvas, preview) => canvas === preview", preview)
+    difference = ImageChops.difference(before, picture())
+    assert max(ImageStat.Stat(difference).mean) < 0.8, "the camera stands elsewhere"
 
 
 def test_its_own_thread_neither_draws_nor_reads_meshes(page: Page, stack: Stack, run: str) -> None:

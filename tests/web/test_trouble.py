@@ -41,7 +41,7 @@ def test_a_refused_mesh_shows_where_it_is_broken_and_the_cure(
     wait_for(lambda: red_pixels(page) > 50, what="the open edges in red")
     page.get_by_role("button", name="Morph it with its holes").click()
     expect(page.get_by_role("button", name="Run")).to_be_visible()
-    assert red_pixels(page) == 0
+    wait_for(lambda: red_pixels(page) == 0, what="the mesh as it was let in, with nothing marked")
 
 
 def test_what_cannot_be_read_is_said_in_the_services_words(

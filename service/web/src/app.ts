@@ -48,8 +48,8 @@ export class App {
       catalogue: new Catalogue(api),
       jobs: new JobList(api),
       thumbnails: new Thumbnails(worker),
-      go: (route, replace) => {
-        this.go(route, replace ?? false);
+      go: (route, stays) => {
+        this.go(route, stays ?? false);
       },
       files: (files) => {
         this.files(files);
@@ -86,26 +86,26 @@ export class App {
     this.refresh();
   }
 
-  private go(route: Route, replace: boolean): void {
+  private go(route: Route, stays: boolean): void {
     const address = formatRoute(route);
-    const here = location.pathname + location.search;
-    const same = sameView(this.route, route);
-    if (replace) {
-      if (address !== formatRoute(parseRoute(location.search)) || address !== here)
-        history.replaceState(null, '', address);
-    } else if (address !== here) history.pushState(null, '', address);
-    if (replace && same) this.route = route;
-    else this.arrive(route, replace);
+    const elsewhere = address !== location.pathname + location.search;
+    if (stays) {
+      this.route = route;
+      if (elsewhere) history.replaceState(null, '', address);
+    } else {
+      if (elsewhere) history.pushState(null, '', address);
+      this.arrive(route);
+    }
   }
 
-  /** Show what an address is of. What replaces a view came by itself: the menu and a focus elsewhere stay. */
-  private arrive(route: Route, replace = false): void {
+  /** Show what an address is of. */
+  private arrive(route: Route): void {
     this.route = route;
-    this.menu &&= replace;
+    this.menu = false;
     this.leftOut = [];
-    this.arriving = replace ? 'waiting' : 'yes';
+    this.arriving = 'yes';
     this.announced ??= '';
-    this.silent ||= !replace;
+    this.silent = true;
     this.open(route);
   }
 
@@ -287,12 +287,4 @@ export class App {
     if (typing || pressing) return;
     if (this.view.key?.(event)) event.preventDefault();
   };
-}
-
-/** Whether two addresses are of the same view, and differ in what it shows alone. */
-function sameView(one: Route, other: Route): boolean {
-  if (one.view === 'job' && other.view === 'job') return one.shown.job === other.shown.job;
-  if (one.view === 'compare' && other.view === 'compare')
-    return one.left.job === other.left.job && one.right.job === other.right.job;
-  return false;
 }

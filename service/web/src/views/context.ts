@@ -13,8 +13,8 @@ export interface Context {
   readonly catalogue: Catalogue;
   readonly jobs: JobList;
   readonly thumbnails: Thumbnails;
-  /** Go to another view; `replace` keeps the place in the browser's history. */
-  go(route: Route, replace?: boolean): void;
+  /** Go to another view; where one `stays`, the view that is shown has this address from now on. */
+  go(route: Route, stays?: boolean): void;
   /** Show a file that was dropped or chosen, or several. */
   files(files: readonly File[]): void;
   /** Say something for a moment. */

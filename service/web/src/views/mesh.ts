@@ -33,9 +33,9 @@ export class MeshView implements View {
    */
   constructor(
     private readonly context: Context,
-    private readonly source: File | string,
+    private source: File | string,
     private readonly given: Up | null = null,
-    private readonly called: string | null = null,
+    private called: string | null = null,
   ) {
     this.viewer.onState = () => {
       this.context.refresh();
@@ -130,7 +130,7 @@ export class MeshView implements View {
     const { shown, noPreview } = this;
     if (this.viewer.state === 'unsupported')
       return html`<p class="note">This browser draws no WebGL: everything works but the picture.</p>`;
-    if (noPreview && !shown)
+    if (noPreview && !this.mesh)
       return html`<p class="note">
         ${this.problem ? 'No preview of this file.' : 'No preview of this file; the service reads it.'}
       </p>`;
@@ -151,12 +151,12 @@ export class MeshView implements View {
     try {
       const data = await file.arrayBuffer();
       const preview = await this.context.worker.ask('preview', { data, name: file.name }, [data]);
-      if (this.isClosed()) return;
+      if (this.isClosed() || this.shown) return; // what the service has may have been quicker
       this.show(preview);
       await this.mark();
     } catch {
       this.noPreview = true; // the service will say more
-      this.viewer.expect(false);
+      if (!this.mesh) this.viewer.expect(false);
     }
     this.context.refresh();
   }
@@ -165,39 +165,53 @@ export class MeshView implements View {
     this.problem = null;
     this.sent = 0;
     this.context.refresh();
+    let mesh: Mesh;
     try {
-      const mesh = await this.context.api.upload(file, file.name, allow, (share) => {
+      mesh = await this.context.api.upload(file, file.name, allow, (share) => {
         this.sent = share;
         this.context.refresh();
       });
-      if (this.isClosed()) return;
-      const name = mesh.name === file.name ? null : file.name;
-      this.context.go({ view: 'mesh', mesh: mesh.id, up: this.up, name }, true); // from now on it has an address
     } catch (thrown) {
       this.problem = asProblem(thrown);
       this.context.refresh();
       await this.mark();
+      return;
     }
+    if (this.isClosed()) return;
+    if (mesh.name !== file.name) this.called = file.name;
+    this.accept(mesh);
+    this.context.go({ view: 'mesh', mesh: mesh.id, up: this.up, name: this.called }, true); // it has an address now
+    await this.load(mesh.id);
   }
 
+  /** Go on with a mesh that the service has. */
+  private accept(mesh: Mesh): void {
+    this.source = mesh.id;
+    this.mesh = mesh;
+    this.form = new JobForm(
+      this.context,
+      mesh,
+      this.name,
+      () => this.up,
+      (job) => {
+        this.started(job);
+      },
+    );
+  }
+
+  /** Draw what the service has; a preview stays in sight until that can be drawn. */
   private async load(id: string): Promise<void> {
     this.problem = null;
     this.viewer.expect(true);
+    this.context.refresh();
     try {
-      const mesh = await this.context.api.mesh(id);
-      if (this.isClosed()) return;
-      this.mesh = mesh;
-      this.setUp(this.given ?? upOfFile(mesh.name));
-      this.form = new JobForm(
-        this.context,
-        mesh,
-        this.name,
-        () => this.up,
-        (job) => {
-          this.started(job);
-        },
-      );
-      this.context.refresh();
+      if (!this.mesh) {
+        const mesh = await this.context.api.mesh(id);
+        if (this.isClosed()) return;
+        this.setUp(this.given ?? upOfFile(mesh.name));
+        this.accept(mesh);
+        this.context.refresh();
+      }
       const path = `/v1/meshes/${id}`;
       const drawable = await this.context.worker.ask('topology', {
         key: path,
@@ -231,10 +245,11 @@ export class MeshView implements View {
 
   /** Draw the faults once it is known that the mesh is refused. */
   private async mark(): Promise<void> {
-    if (!this.problem || !this.shown) return;
-    const places = this.problem.defects.flatMap((defect) => defect.locations ?? []);
+    const { problem } = this;
+    if (!problem || !this.shown) return;
+    const places = problem.defects.flatMap((defect) => defect.locations ?? []);
     const faults = await this.context.worker.ask('faults', {});
-    if (!this.isClosed()) this.viewer.mark(faults, places);
+    if (!this.isClosed() && this.problem === problem) this.viewer.mark(faults, places); // not if it is sent again
   }
 
   private isClosed(): boolean {
