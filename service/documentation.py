@@ -148,7 +148,9 @@ def job_form() -> dict[str, Any]:
             **fields,
             "parameters": text
             | {"description": 'What differs from the preset, as a JSON object: `{"step": 0.02}`.'},
-            "tags": _words("Words to find the job by, repeated or separated by commas."),
+            "tags": _words(
+                "Words to find the job by, repeated or separated by commas. `up:z` has the page show it with z upward."
+            ),
             "allow": ALLOW_SCHEMA,
             **own,
         },

@@ -121,7 +121,10 @@ class JobRequest(BaseModel):
     ] = None
     tags: Annotated[
         list[Annotated[str, Field(pattern=TAG)]] | None,
-        Field(max_length=20, description="Words to find the job by."),
+        Field(
+            max_length=20,
+            description="Words to find the job by. `up:z` has the page show it with z upward.",
+        ),
     ] = None
 
 

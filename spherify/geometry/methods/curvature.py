@@ -52,7 +52,7 @@ ROUND_ENOUGH: Final = (
     0.2  # radius variation below which it is on the sphere that a run goes on when it is stuck
 )
 LATE_ENOUGH: Final = 0.8  # sphericity from which on it is after LATE iterations
-ROUND: Final = 0.999  # sphericity from which on equal radii soon end a run; below, it goes on while that rises
+ROUND: Final = 0.999  # sphericity from which on equal radii soon end a run; a lower one may still rise
 TURNED: Final = 0.1  # share of the sphere that inward faces may cover; more are no folds but a cavity
 PATIENCES: Final = 4  # of the annealing, that something may take on the sphere to get better
 LEAST_ROUNDS: Final = 2  # of unfolding after an iteration, however often it began anew
