@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import sys
 from collections import defaultdict
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
@@ -13,11 +11,10 @@ from numpy.typing import NDArray
 
 from spherify.geometry.schedule import SnapshotPlan
 from spherify.jobs import layout
-from spherify.jobs.errors import BlobNotFoundError, DamagedBlobError
 from spherify.jobs.model import Snapshot
 from spherify.jobs.ports import BlobStat, BlobStore
 from spherify.jobs.rows import BEST, ROWS, Row, rows_to_list
-from spherify.stores.arrays import load_arrays
+from spherify.stores.states import load_state, row_of, run_of, snapshot_record
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -61,7 +58,7 @@ def find_resumption(
     kept: dict[bytes, tuple[list[Snapshot], float]] = {}
     for iteration in sorted(states, reverse=True):
         for stat in _newest_first(states[iteration]):
-            loaded = _load(blobs, stat)
+            loaded = load_state(blobs, stat)
             if loaded is None or BEST not in loaded[1]:  # a best state kept in hindsight leads nowhere
                 continue
             run = run_of(loaded[1])
@@ -73,23 +70,6 @@ def find_resumption(
             if iteration < gap:
                 return Resumption(loaded[1], tuple(s for s in snapshots if s.iteration <= iteration))
     return Resumption(None, ())
-
-
-def run_of(arrays: Mapping[str, NDArray[Any]]) -> bytes:
-    """Return what tells the states of one run: mesh, parameters, and which version of which engine computed them."""
-    return arrays["fingerprint"].tobytes() if "fingerprint" in arrays else b""
-
-
-def snapshot_record(iteration: int, stat: BlobStat, content: bytes, row: Row) -> Snapshot:
-    """Return the record of a stored snapshot."""
-    return Snapshot(
-        iteration=iteration,
-        key=stat.key,
-        sha256=hashlib.sha256(content).hexdigest(),
-        size=stat.size,
-        metrics={name: value for name, value in row.items() if name != "iteration"},
-        created_at=stat.created_at,
-    )
 
 
 def _planned(
@@ -107,10 +87,10 @@ def _planned(
 
 def _intact_snapshot(blobs: BlobStore, iteration: int, stats: list[BlobStat], run: bytes) -> Snapshot | None:
     for stat in _newest_first(stats):
-        loaded = _load(blobs, stat)
+        loaded = load_state(blobs, stat)
         if loaded is None or ROWS not in loaded[1] or run_of(loaded[1]) != run:
             continue
-        row = next((r for r in rows_to_list(loaded[1][ROWS]) if r["iteration"] == iteration), None)
+        row = row_of(rows_to_list(loaded[1][ROWS]), iteration)
         if row is not None:
             return snapshot_record(iteration, stat, loaded[0], row)
     return None
@@ -125,12 +105,3 @@ def _by_iteration(blobs: BlobStore, prefix: str) -> dict[int, list[BlobStat]]:
 
 def _newest_first(stats: list[BlobStat]) -> list[BlobStat]:
     return sorted(stats, key=lambda stat: layout.numbers(stat.key), reverse=True)
-
-
-def _load(blobs: BlobStore, stat: BlobStat) -> tuple[bytes, dict[str, NDArray[Any]]] | None:
-    try:
-        content = blobs.read(stat.key)
-        return content, load_arrays(content)
-    except (DamagedBlobError, BlobNotFoundError) as e:  # an earlier attempt's runner may live yet, and sweep
-        sys.stderr.write(f"{stat.key} is passed over: {e}\n")
-        return None

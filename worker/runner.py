@@ -41,9 +41,10 @@ from spherify.jobs.run import Kept, RunEnd, Stop, run
 from spherify.parameters import stored_parameters
 from spherify.stores.arrays import dump_arrays, load_arrays
 from spherify.stores.files import open_blobs
+from spherify.stores.states import run_of, snapshot_record
 from spherify.stores.tether import die_with_parent
 from worker.orders import CANCEL_SIGNAL, HAND_ON_SIGNAL, Order, event_line
-from worker.resume import find_resumption, run_of, snapshot_record
+from worker.resume import find_resumption
 
 _PATIENCE_S: Final = (
     60.0  # with a store that does not answer: the lease is renewed meanwhile, and work is not lost

@@ -6,11 +6,11 @@ raise `StoreUnavailableError`; nothing waits longer than the adapter's timeouts.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
-from typing import BinaryIO, Generic, Protocol, TypeVar
+from typing import BinaryIO, Generic, Protocol, TypeAlias, TypeVar
 
 from spherify.jobs.errors import JobsError
 from spherify.jobs.model import Job, JobSpec, JobStatus, MeshRecord, Outcome, Progress, Snapshot
@@ -137,6 +137,24 @@ class Kept:
 
     snapshots: frozenset[int]
     rows: frozenset[int]
+
+
+@dataclass(frozen=True, slots=True)
+class Trail:
+    """What the files of a job's attempts hold of one run: intact snapshots and rows, by iteration, ascending."""
+
+    snapshots: tuple[Snapshot, ...] = ()
+    rows: tuple[dict[str, float | int], ...] = ()
+
+    @property
+    def best(self) -> int | None:
+        """Iteration of the snapshot of the highest sphericity."""
+        sphericity = {snapshot.iteration: snapshot.metrics["sphericity"] for snapshot in self.snapshots}
+        return max(sphericity, key=sphericity.__getitem__, default=None)
+
+
+TrailFinder: TypeAlias = Callable[[BlobStore, str], Trail]
+"""Reads what is left in the files of a job, given their store and its id: `spherify.stores.states.find_trail`."""
 
 
 class JobStore(Protocol):

@@ -6,6 +6,8 @@
     jobs/{job}/cancel.json              the job was to be cancelled, and is
     jobs/{job}/spec.json                the job waits again, and goes on from its newest checkpoint; of all jobs also
                                         the Idempotency-Key, for the rest of its day
+    jobs/{job}/snapshots/, checkpoints/ what such a job had come to, and told of: it stays, also if the job was to be
+                                        cancelled, or is before a worker takes it
     jobs/{job}/attempts/{token}.json    what attempts and losses there were, and how long they took
     meshes/{mesh}/record.json           the mesh
 
@@ -27,8 +29,8 @@ from spherify.jobs.accounts import read_account
 from spherify.jobs.codec import load_mesh_record, load_request, load_spec
 from spherify.jobs.errors import BlobNotFoundError, JobsError, StorageFullError, StoreUnavailableError
 from spherify.jobs.ids import is_job_id, time_of
-from spherify.jobs.model import Job, JobSpec, JobStatus
-from spherify.jobs.ports import BlobStore, JobQueue, JobStore, MeshStore
+from spherify.jobs.model import Job, JobSpec, JobStatus, Progress
+from spherify.jobs.ports import BlobStore, JobQueue, JobStore, MeshStore, Trail, TrailFinder
 from spherify.jobs.repeats import KEPT_S, RepeatStore
 from spherify.jobs.results import Result, read_result
 from spherify.jobs.settle import settle
@@ -47,6 +49,7 @@ class Stock:
     blobs: BlobStore
     queue: JobQueue
     repeats: RepeatStore
+    find_trail: TrailFinder
 
 
 def rebuild(stock: Stock, still: Callable[[], object] = lambda: None) -> bool:
@@ -135,12 +138,23 @@ def restore_job(stock: Stock, job_id: str) -> bool:
         return stock.jobs.restore(
             _ended(spec, result, ended.created_at if ended else time.time()), result.rows
         )
+    if not stock.jobs.unknown(
+        [job_id]
+    ):  # in a rebuild that was broken off: its files need not be read once more
+        return False
     known = read_account(blobs, job_id)
-    job = Job(spec, token=known.token, attempt=known.attempt, losses=known.losses)
+    trail = _trail(stock, job_id)
+    job = _unfinished(Job(spec, token=known.token, attempt=known.attempt, losses=known.losses), trail)
     asked = blobs.stat(layout.cancel(job_id))
     if asked is not None:  # from the first moment on: whoever dies over it leaves nothing that may be claimed
-        job = replace(job, status=JobStatus.CANCELLED, stop_reason="cancelled", finished_at=asked.created_at)
-    restored = stock.jobs.restore(job, (), spent_s=known.spent_s)
+        job = replace(
+            job,
+            status=JobStatus.CANCELLED,
+            stop_reason="cancelled",
+            best_iteration=trail.best,
+            finished_at=asked.created_at,
+        )
+    restored = stock.jobs.restore(job, trail.rows, spent_s=known.spent_s)
     if restored and asked is None:
         stock.queue.send(job_id)
     elif restored:
@@ -151,6 +165,30 @@ def restore_job(stock: Stock, job_id: str) -> bool:
                 "restored, and not settled: %s; the reconciler will", e, extra=named(job_id, "rebuild")
             )
     return restored
+
+
+def _trail(stock: Stock, job_id: str) -> Trail:
+    """Return what the attempts at a job left; what is of another form than ours is not in the way of the job."""
+    try:
+        return stock.find_trail(stock.blobs, job_id)
+    except StoreUnavailableError:
+        raise
+    except UNREADABLE:
+        log.exception("restored without its snapshots", extra=named(job_id, "rebuild"))
+        return Trail()
+
+
+def _unfinished(job: Job, trail: Trail) -> Job:
+    """Return a job that goes on, or is to be cancelled, with what its attempts came to."""
+    if not trail.rows:
+        return job
+    newest = trail.rows[-1]
+    return replace(
+        job,
+        progress=Progress(int(newest["iteration"]), job.spec.parameters["iterations"]),
+        metrics={name: value for name, value in newest.items() if name != "iteration"},
+        snapshots=trail.snapshots,
+    )
 
 
 def _ended(spec: JobSpec, result: Result, finished_at: float) -> Job:

@@ -15,6 +15,7 @@ from spherify.stores.queue import CeleryJobQueue
 from spherify.stores.redis_jobs import RedisJobStore
 from spherify.stores.redis_meshes import RedisMeshStore
 from spherify.stores.repeats import RedisRepeatStore
+from spherify.stores.states import find_trail
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +32,7 @@ class Stores:
     @property
     def stock(self) -> Stock:
         """What the reconciler looks through."""
-        return Stock(self.jobs, self.meshes, self.blobs, self.queue, self.repeats)
+        return Stock(self.jobs, self.meshes, self.blobs, self.queue, self.repeats, find_trail)
 
     def close(self) -> None:
         """Close the connections; a later use opens new ones."""

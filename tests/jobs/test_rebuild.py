@@ -8,10 +8,11 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 import redis
 
-from spherify.jobs import inventory, layout
+from spherify.jobs import inventory, layout, rows
 from spherify.jobs.accounts import write_account
 from spherify.jobs.codec import dump_record
 from spherify.jobs.continuation import extension
@@ -33,6 +34,7 @@ from spherify.jobs.results import Result, write_result
 from spherify.jobs.settle import settle
 from spherify.jobs.submit import submit
 from spherify.stores import keys
+from spherify.stores.arrays import dump_arrays
 from tests.jobs.examples import MESH_ID, job_spec, mesh_record
 from tests.jobs.world import submitted
 
@@ -267,6 +269,19 @@ def test_files_of_another_form_are_not_in_the_way(
     assert rebuild(stock)
     assert [job.id for job in stock.jobs.find().items] == [whole.id]
     assert [mesh.id for mesh in stock.meshes.find().items] == [MESH_ID]
+
+
+def test_a_state_of_another_form_is_not_in_the_way_of_its_job(
+    stock: Stock, lose: Callable[[], object], caplog: pytest.LogCaptureFixture
+) -> None:
+    spec = submitted(stock)
+    key = layout.numbered(layout.snapshots(spec.id), 1, 0)
+    stock.blobs.create(key, dump_arrays({rows.ROWS: np.zeros(3)}))
+    lose()
+    rebuild(stock)
+    job = stock.jobs.get(spec.id)
+    assert (job.status, job.snapshots) == (JobStatus.ACCEPTED, ())
+    assert "restored without its snapshots" in caplog.messages
 
 
 # A server that lost some records and kept the others

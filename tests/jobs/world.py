@@ -11,6 +11,7 @@ from spherify.stores.memory import MemoryJobStore
 from spherify.stores.memory_blobs import MemoryBlobStore
 from spherify.stores.memory_meshes import MemoryJobQueue, MemoryMeshStore
 from spherify.stores.memory_repeats import MemoryRepeatStore
+from spherify.stores.states import find_trail
 from tests.jobs.examples import job_spec
 
 
@@ -25,7 +26,7 @@ class World:
 
     @property
     def stock(self) -> Stock:
-        return Stock(self.jobs, self.meshes, self.blobs, self.queue, self.repeats)
+        return Stock(self.jobs, self.meshes, self.blobs, self.queue, self.repeats, find_trail)
 
 
 def submitted(stock: Stock, **changes: object) -> JobSpec:

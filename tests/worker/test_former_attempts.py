@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import pytest
+
 from spherify.jobs import layout
 from spherify.jobs.cancel import cancel
-from spherify.jobs.model import JobStatus, Progress, Snapshot
+from spherify.jobs.model import Job, JobStatus, Progress, Snapshot
 from spherify.jobs.ports import CancelOutcome
+from spherify.jobs.rebuild import rebuild
 from spherify.jobs.results import read_result
+from spherify.jobs.settle import settle
 from spherify.jobs.submit import submit
 from spherify.settings import Settings
 from spherify.stores.connect import Stores
 from tests.jobs.examples import job_spec
 from tests.worker.supervised import Watched, endless
-from tests.worker.test_supervisor import supervise
+from tests.worker.test_supervisor import supervise, when_computing
 
 
 def test_what_a_former_attempt_told_and_the_last_one_did_not_come_to_is_gone(
@@ -67,3 +71,39 @@ def test_a_cancel_counts_though_an_older_copy_of_the_record_knows_nothing_of_it(
     assert result is not None
     assert (result.outcome.status, result.whole) == (JobStatus.CANCELLED, True)
     assert tuple(result.snapshots) == job.snapshots
+
+
+@pytest.mark.parametrize("cancelled_first", [True, False], ids=["and-then-lost", "after-the-loss"])
+def test_a_cancel_together_with_the_loss_of_the_records_takes_no_snapshot_away(
+    stores: Stores, settings: Settings, runners: Watched, cancelled_first: bool
+) -> None:
+    job_id = endless(stores)
+    told: list[Job] = []
+
+    def forget() -> None:
+        told.append(stores.jobs.get(job_id))
+        if cancelled_first:
+            assert cancel(stores.jobs, stores.blobs, job_id) is CancelOutcome.CANCELLING
+        stores.client.flushall()
+        assert rebuild(stores.stock)
+
+    job = supervise(
+        stores, settings, runners, job_id, each_tick=when_computing(stores, job_id, forget)
+    )  # the attempt is fenced
+    if not cancelled_first:  # what was told is served before a worker takes the job up once more
+        assert job.status is JobStatus.ACCEPTED
+        assert job.snapshots == told[0].snapshots
+        assert cancel(stores.jobs, stores.blobs, job_id) is CancelOutcome.CANCELLED
+    settle(stores.jobs, stores.blobs, job_id)
+    job = stores.jobs.get(job_id)
+    assert (job.status, job.snapshots) == (JobStatus.CANCELLED, told[0].snapshots)
+    assert [snapshot.iteration for snapshot in job.snapshots] == [0, 2]
+    assert {snapshot.key for snapshot in job.snapshots} == {
+        stat.key for stat in stores.blobs.list(layout.snapshots(job_id))
+    }
+    assert job.progress is not None
+    assert job.progress.iteration == stores.jobs.metrics(job_id)[-1]["iteration"] >= 2
+    assert job.best_iteration == (2 if cancelled_first else None)
+    result = read_result(stores.blobs, job_id)
+    assert result is not None
+    assert (tuple(result.snapshots), list(result.rows)) == (job.snapshots, stores.jobs.metrics(job_id))

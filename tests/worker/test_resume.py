@@ -7,11 +7,13 @@ import pytest
 
 from spherify.geometry.schedule import SnapshotPlan
 from spherify.jobs import layout
+from spherify.jobs.ports import Trail
 from spherify.jobs.rows import ROWS
 from spherify.jobs.run import Kept, Stop, run
 from spherify.parameters import resolve
 from spherify.stores.arrays import dump_arrays, load_arrays
 from spherify.stores.blobs import FolderBlobStore
+from spherify.stores.states import find_trail
 from tests.jobs.examples import stone
 from tests.jobs.test_run import Recorder, stop_at
 from worker.orders import Order
@@ -165,3 +167,26 @@ def test_the_record_of_a_snapshot_is_that_of_its_file(blobs: FolderBlobStore) ->
         assert (snapshot.size, snapshot.created_at) == (stat.size, stat.created_at)
         assert set(snapshot.metrics) >= {"sphericity", "area", "inward_faces"}
         assert "iteration" not in snapshot.metrics
+
+
+def test_what_is_told_of_a_job_without_a_record_is_what_its_intact_files_hold(blobs: FolderBlobStore) -> None:
+    trail = find_trail(blobs, JOB)
+    assert trail.snapshots == find_resumption(blobs, JOB, PLAN).snapshots
+    assert [snapshot.iteration for snapshot in trail.snapshots] == [0, 10, 20]
+    assert list(trail.rows) == find_resumption(blobs, JOB, PLAN).rows
+    assert trail.best == 20
+    damage(blobs, layout.numbered(layout.snapshots(JOB), 1, 10), "flipped")
+    blobs.create(layout.snapshots(JOB) + "notes.txt", b"of another form")
+    trail = find_trail(blobs, JOB)
+    assert [snapshot.iteration for snapshot in trail.snapshots] == [0, 20]
+    assert trail.rows[-1]["iteration"] == 20
+    assert find_trail(blobs, "job_b") == Trail()
+
+
+def test_of_two_runs_only_the_newest_is_told(blobs: FolderBlobStore) -> None:
+    first = load_arrays(blobs.read(layout.numbered(layout.snapshots(JOB), 1, 0)))
+    began_anew = layout.numbered(layout.snapshots(JOB), 2, 0)
+    blobs.create(began_anew, dump_arrays({**first, "fingerprint": first["fingerprint"] ^ 1}))
+    trail = find_trail(blobs, JOB)
+    assert [snapshot.key for snapshot in trail.snapshots] == [began_anew]
+    assert [row["iteration"] for row in trail.rows] == [0]
