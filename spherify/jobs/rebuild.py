@@ -138,10 +138,8 @@ def restore_job(stock: Stock, job_id: str) -> bool:
         return stock.jobs.restore(
             _ended(spec, result, ended.created_at if ended else time.time()), result.rows
         )
-    if not stock.jobs.unknown(
-        [job_id]
-    ):  # in a rebuild that was broken off: its files need not be read once more
-        return False
+    if not stock.jobs.unknown([job_id]):
+        return False  # by a rebuild that was broken off: its files need not be read once more
     known = read_account(blobs, job_id)
     trail = _trail(stock, job_id)
     job = _unfinished(Job(spec, token=known.token, attempt=known.attempt, losses=known.losses), trail)
