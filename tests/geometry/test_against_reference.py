@@ -89,20 +89,38 @@ def test_real_meshes(name, preset):
     assert_same_step(mesh, PRESETS[preset].config)
 
 
+@pytest.mark.parametrize("measure", MEASURES)
+def test_a_sharp_rim(measure):
+    """Its faces look against each other, for which their sines alone are those of a surface that bends little."""
+    flat = sample("stone", 1500)
+    V = flat.vertices - flat.vertices.mean(axis=0)
+    rim = TriangleMesh(V * [1, 1, 0.02], flat.faces)
+    assert_same_step(rim, FlowConfig(iterations=1, measure=measure))
+
+
 @cache
 def compiled_percentiles():
     """A pass by itself can be called by compiled code only."""
     from numba import njit
 
-    from spherify.geometry.kernels.passes.selection import percentiles
+    from spherify.geometry.kernels.passes.selection import collect_part, count_part, percentiles
 
-    return njit(lambda *arguments: percentiles(*arguments))  # noqa: PLW0108 (compiled with a wrapper)
+    @njit
+    def compiled(K, window, use, cuts):
+        for part in range(len(cuts) - 1):
+            count_part(K, K.min(), K.max(), use, part, cuts[part], cuts[part + 1])
+        for part in range(len(cuts) - 1):
+            collect_part(K, window, use, cuts[part], cuts[part + 1])
+        return percentiles(K, K.max(), window, use)
+
+    return compiled
 
 
+@pytest.mark.parametrize("parts", [1, 3])
 @pytest.mark.parametrize("window", [(0, 100), (30, 70), (0.1, 99.9), (50, 50.001), (12.5, 87.5), (99, 100)])
 @pytest.mark.parametrize("n", [4, 5, 48, 50, 3000])
 @pytest.mark.parametrize("kind", ["even", "one far", "all but one equal", "few values", "tiny", "huge"])
-def test_percentiles(kind, n, window):
+def test_percentiles(kind, n, window, parts):
     from spherify.geometry.kernels.buffers import buffers
 
     rng = np.random.default_rng(n)
@@ -114,9 +132,9 @@ def test_percentiles(kind, n, window):
         "tiny": lambda: np.append(rng.integers(0, 100, n - 1) * 5e-324, 5e-322),
         "huge": lambda: np.append(0.9e308 * rng.uniform(-1, 1, n - 1), 0.95e308),
     }[kind]()
-    low, high = compiled_percentiles()(
-        K, K.min(), K.max(), (float(window[0]), float(window[1])), buffers(n, 0, 1)
-    )
+    cuts = np.linspace(0, n, parts + 1).astype(np.uint32)
+    use = buffers(n, 0, 1, parts)
+    low, high = compiled_percentiles()(K, (float(window[0]), float(window[1])), use, cuts)
     with np.errstate(over="ignore"):
         assert [low, high] == list(np.percentile(K, window))
 

@@ -65,6 +65,23 @@ def test_the_same_bytes_with_any_number_of_threads(large, preset, exponent):
         assert others == figures[0]
 
 
+@pytest.mark.parametrize("exponent", [1.0, 1.5])
+@pytest.mark.parametrize("threads", [1, 2])
+def test_the_same_bytes_after_a_row_of_figures(large, threads, exponent):
+    """Whose curvature the next step could begin with, but for the areas that its relaxation weighs."""
+    mesh, topology = large
+    config = replace(PAPER, relaxation=0.5, relaxation_exponent=exponent)
+    moved = []
+    for looked_at in (False, True):
+        kernel = CompiledEngine(threads).prepare(topology, config)
+        V = kernel.transform(np.array(mesh.vertices), Stage(1, 1, 0), 1e-3, config.relaxation)
+        if looked_at:
+            kernel.figures(V, np.zeros(3))
+        moved.append(kernel.transform(V, Stage(1, 1, 0), 1e-3, config.relaxation))
+    assert np.isfinite(moved[0]).all()
+    assert moved[0].tobytes() == moved[1].tobytes()
+
+
 @pytest.mark.parametrize("crumpled", [False, True])
 def test_the_same_bytes_on_the_sphere(nearly_round, crumpled):
     """Whatever is done to directions and radii, moves that are cut and triangles drawn apart among it."""

@@ -39,8 +39,8 @@ class Space:
         )
 
 
-def buffers(n: int, n_held: int, n_runs: int) -> Buffers:
-    """Allocate what the passes write, for n vertices in so many runs, of which some are held."""
+def buffers(n: int, n_held: int, n_runs: int, n_parts: int = 1) -> Buffers:
+    """Allocate what the passes write, for n vertices in so many runs and parts, of which some are held."""
     return Buffers(
         position=padded(3, n),
         previous=np.empty((3, 0)),  # until there is momentum
@@ -52,8 +52,8 @@ def buffers(n: int, n_held: int, n_runs: int) -> Buffers:
         held_position=np.empty((3, n_held)),
         bins=np.empty(n, dtype=np.uint16),
         chosen=np.empty((2, n)),
-        counts=np.empty(selection.BINS, dtype=np.int64),
-        sample=np.empty(selection.SAMPLE),
+        counts=np.empty((n_parts, selection.BINS), dtype=np.int64),
+        samples=np.empty((n_parts, selection.SAMPLE)),
         sums=np.empty((n_runs, whole.SUMS)),
         whole=np.empty(whole.RESULTS),
     )
@@ -61,9 +61,7 @@ def buffers(n: int, n_held: int, n_runs: int) -> Buffers:
 
 def scratch() -> Scratch:
     """Allocate what one thread writes for one block."""
-    return Scratch(
-        aligned(rings.ROWS, rings.STRIDE), aligned(4, rings.ANGLES), np.empty(rings.STRIDE, dtype=np.int64)
-    )
+    return Scratch(aligned(rings.ROWS, rings.STRIDE), aligned(rings.ANGLE_ROWS, rings.ANGLES))
 
 
 def aligned(rows: int, columns: int) -> Floats:

@@ -30,7 +30,9 @@ from spherify.geometry.kernels.passes.step import work
 from spherify.geometry.kernels.passes.types import (
     AHEAD,
     CENTRE,
+    COLLECT,
     CONSTANT,
+    COUNT,
     EXTREMES,
     HOLD,
     INTEGRATE,
@@ -58,6 +60,7 @@ from spherify.geometry.metrics import Figures
 from spherify.geometry.roundness import Shape
 from spherify.geometry.topology import Topology
 
+ALONE_CURVED: Final = VERTICES + COUNT + COLLECT + EXTREMES  # by a thread that has all parts
 BY_RINGS: Final = (VERTICES + INTEGRATE, CENTRE, RADII, VARIATION)
 ENTRIES: Final[Sequence[Callable[..., Any]]] = (
     walk,
@@ -86,15 +89,16 @@ class CompiledKernel:
         self._numbering = Numbering.of(topology, held)
         self._mesh = self._numbering.connectivity
         self._team = Team(threads if n >= WORTH_SHARING else 1)
-        self._use = buffers(n, len(held), len(self._mesh.runs))
-        self._scratch = [scratch() for _ in range(self._team.threads)]
+        self._parts = self._numbering.parts(self._team.threads)
+        self._use = buffers(n, len(held), len(self._mesh.runs), len(self._parts))
+        self._scratch = [scratch() for _ in self._parts]
         self._mode = Mode(
             measure=MEASURES[config.measure],
             window=(float(config.window[0]), float(config.window[1])),
             step_bound=float(config.step_bound),
             relaxation_exponent=float(config.relaxation_exponent),
         )
-        self._parts = self._numbering.parts(self._team.threads)
+        self._chooses = config.window[0] > 0 or config.window[1] < 100
         self._faces = Faces(self._mesh.corners, self._parts, self._team, closed=topology.closed)
         # What T does next begins with the very rings of what is measured, if nothing is done in between.
         nothing_between = config.momentum == 0 and config.rescale == "none"
@@ -220,10 +224,8 @@ class CompiledKernel:
     def _moved(self, stage: Stage, step: float, relaxation: float, curved: list[Found] | None) -> int:
         """Apply T to the positions loaded, of which the curvature may be known; return how it ended."""
         if relaxation > 0:
-            curved = None  # the greatest area is not known
-        task = Task(
-            VERTICES + EXTREMES + MOVE + HOLD, *self._parts[0], stage.k_in, stage.k_out, step, relaxation
-        )
+            curved = None  # the areas, which it weighs, are not
+        task = Task(ALONE_CURVED + MOVE + HOLD, *self._parts[0], stage.k_in, stage.k_out, step, relaxation)
         relaxing = RELAX if relaxation > 0 else 0
         if len(self._parts) == 1:
             task = task._replace(passes=task.passes + relaxing)
@@ -240,17 +242,23 @@ class CompiledKernel:
             self._together(one._replace(K_min=found.K_min, K_max=found.K_max, greatest=found.greatest), MOVE)
             if relaxing:
                 self._together(one, RELAX)
-            self._work((0, one._replace(passes=HOLD)))
+            if len(self._mesh.held):
+                self._work((0, one._replace(passes=HOLD)))
         return MOVED
 
     def _curvature(self, one: Task, parts: list[Found] | None = None) -> Found:
         """Compute curvature and normals of the positions loaded, if not known; return the extremes of the window."""
+        if len(self._parts) == 1:
+            return self._work((0, one._replace(passes=ALONE_CURVED)))
         if parts is None:
             parts = self._together(one, VERTICES)
         if any(part.end == NOT_FINITE for part in parts):
             return Found(NOT_FINITE, np.nan, np.nan, 0.0)
         lowest, highest = min(part.K_min for part in parts), max(part.K_max for part in parts)
-        found = self._work((0, one._replace(passes=EXTREMES, K_min=lowest, K_max=highest)))
+        one = one._replace(K_min=lowest, K_max=highest)
+        for passes in (COUNT, COLLECT) if self._chooses else ():
+            self._together(one, passes)
+        found = self._work((0, one._replace(passes=EXTREMES)))
         return found._replace(greatest=max(part.greatest for part in parts))
 
     def _together(self, task: Task, passes: int) -> list[Found]:
@@ -258,12 +266,13 @@ class CompiledKernel:
         tasks = [
             task._replace(
                 passes=passes,
+                part=number,
                 first=part.first,
                 last=part.last,
                 first_run=part.first_run,
                 last_run=part.last_run,
             )
-            for part in self._parts
+            for number, part in enumerate(self._parts)
         ]
         return self._team.each(self._work, list(enumerate(tasks)))
 

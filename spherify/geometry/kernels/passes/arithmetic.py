@@ -20,6 +20,7 @@ from spherify.geometry.kernels.passes.jit import inner
 # for doubles; the guess is within 3.5 %.
 GUESS = np.int64(0x5FE6EB50C7B537A9)
 TAN_EIGHTH = math.sqrt(2) - 1  # tan(π/8)
+SLIGHT = 0.125  # sin² of a dihedral angle up to which `over_sine` holds: 20.7°
 HALF_PI = math.pi / 2
 QUARTER_PI = math.pi / 4
 
@@ -68,14 +69,27 @@ def inverse_root(x: float) -> float:
 
 
 @inner
-def is_slight(sine: float, cosine: float) -> bool:
-    """Whether atan2(sine, cosine) lies within ±π/8, so that `slight_angle_over` holds."""
-    return abs(sine) <= TAN_EIGHTH * cosine
+def over_sine(squared: float) -> float:
+    """Return asin(u)/u of u², where that is at most SLIGHT.
+
+    The polynomial is the one through 1 at 0 and ten Chebyshev nodes of the range, fitted with 60 digits; it is off by
+    5e-18 of its value, less than its rounding.
+    """
+    p = fma(0.014846840969898318, squared, 0.007859830195739737)
+    p = fma(p, squared, 0.011845940218996489)
+    p = fma(p, squared, 0.013937921557726208)
+    p = fma(p, squared, 0.01735427335340785)
+    p = fma(p, squared, 0.02237210792971346)
+    p = fma(p, squared, 0.03038194543659334)
+    p = fma(p, squared, 0.04464285713311666)
+    p = fma(p, squared, 0.075000000000037)
+    p = fma(p, squared, 0.16666666666666663)
+    return fma(p, squared, 1.0)
 
 
 @inner
-def slight_angle_over(sine: float, cosine: float, by: float) -> tuple[float, float]:
-    """Return θ = atan2(sine, cosine) and 1/by, where `is_slight`; one division serves both.
+def arctangent_over(sine: float, cosine: float, by: float) -> tuple[float, float]:
+    """Return θ = atan2(sine, cosine), which is within ±π/8, and 1/by; one division serves both.
 
     The polynomial of fdlibm (s_atan.c, Sun Microsystems) is good to the last bits up to there.
     """
@@ -100,7 +114,7 @@ def angle_over(sine: float, cosine: float, by: float) -> tuple[float, float]:
     """Return θ = atan2(sine, cosine) and 1/by.
 
     Not a call of atan2 but the same without a branch, so that the loop vectorises: the smaller of |sine| and |cosine|
-    over the larger lies in [0, 1]; above tan(π/8) it is turned by -π/4, and is slight then; signs and octant are put
+    over the larger lies in [0, 1]; above tan(π/8) it is turned by -π/4, and is below then; signs and octant are put
     back by selection.
     """
     s, c = abs(sine), abs(cosine)
@@ -109,7 +123,7 @@ def angle_over(sine: float, cosine: float, by: float) -> tuple[float, float]:
     turned = smaller > TAN_EIGHTH * larger
     over = smaller - larger if turned else smaller
     under = smaller + larger if turned else larger
-    angle, inverse = slight_angle_over(over, under, by)
+    angle, inverse = arctangent_over(over, under, by)
     angle = angle + QUARTER_PI if turned else angle
     angle = HALF_PI - angle if s > c else angle
     angle = math.pi - angle if cosine < 0 else angle

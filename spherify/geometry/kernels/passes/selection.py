@@ -3,7 +3,7 @@
 A histogram says in which bins the wanted ranks lie; only the values of these bins go on, to be sorted if they are few,
 else to a histogram of their own. The bins cover where a small sample has its bulk; what is outside counts in the first
 and the last bin. So far outliers, which real meshes have at each sliver, do not put all other values into one bin.
-Two passes over K do, whatever the percentiles.
+Two passes over K do, whatever the percentiles; several threads do each part by part: counts add up to the same.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spherify.geometry.kernels.passes.jit import inner
-from spherify.geometry.kernels.passes.types import Buffers, Floats, Index
+from spherify.geometry.kernels.passes.types import Buffers, Floats, Index, Ints
 
 BINS = 2048  # 16 kB of counts
 FEW = 48  # are sorted by insertion
@@ -77,34 +77,58 @@ def into_bins(v: Floats, start: float, scale: float, bins: Bins, low: Index, hig
 
 
 @inner
-def count_bins(bins: Bins, size: int, counts: NDArray[np.int64]) -> None:
-    """Histogram of the first ``size`` of ``bins``."""
+def count_bins(bins: Bins, low: Index, high: Index, counts: Ints) -> None:
+    """Histogram of some of ``bins``."""
     for b in range(counts.size):
         counts[b] = 0
-    for i in range(np.uint64(0), np.uint64(size)):
+    for i in range(np.uint64(low), np.uint64(high)):
         counts[bins[i]] += 1
 
 
 @inner
-def bin_of(counts: NDArray[np.int64], rank: int) -> tuple[int, int]:
-    """Return the bin in which the value of a rank lies, and its rank within the bin."""
-    b = 0
-    while rank >= counts[b]:
-        rank -= counts[b]
+def in_bin(counts: Ints, b: int) -> int:
+    """Return how many all parts have in a bin."""
+    count = 0
+    for part in range(counts.shape[0]):
+        count += counts[part, b]
+    return count
+
+
+@inner
+def bin_of(counts: Ints, rank: int) -> tuple[int, int]:
+    """Return the bin in which the value of a rank lies, and its rank within the bin, of counts (parts, BINS)."""
+    b, count = 0, in_bin(counts, 0)
+    while rank >= count:
+        rank -= count
         b += 1
+        count = in_bin(counts, b)
     return b, rank
 
 
 @inner
-def collect(v: Floats, bins: Bins, size: int, one: int, two: int, into: Floats, into_two: Floats) -> None:
-    """Copy the values of two bins."""
+def collect(
+    v: Floats, bins: Bins, one: int, two: int, into: Floats, into_two: Floats, low: Index, high: Index
+) -> None:
+    """Copy the values of two bins, to where these values begin."""
     bin_one, bin_two = np.uint16(one), np.uint16(two)
-    i, j = np.uint64(0), np.uint64(0)
-    for k in range(np.uint64(0), np.uint64(size)):
+    i, j = np.uint64(low), np.uint64(low)
+    for k in range(np.uint64(low), np.uint64(high)):
         into[i] = v[k]  # overwritten by the next unless it belongs to the bin: cheaper than a jump
         into_two[j] = v[k]
         i += np.uint64(bins[k] == bin_one)
         j += np.uint64(bins[k] == bin_two)
+
+
+@inner
+def close_up(v: Floats, counts: Ints, b: int) -> None:
+    """Bring together what each part has collected of a bin."""
+    kept, begin = 0, 0
+    for part in range(counts.shape[0]):
+        for i in range(counts[part, b]):
+            v[kept + i] = v[begin + i]
+        kept += counts[part, b]
+        for count in counts[part]:
+            begin += count
 
 
 @inner
@@ -127,7 +151,7 @@ def least_above(v: Floats, bins: Bins, size: int, bin_: int) -> float:
 
 @inner
 def ranked(
-    v: Floats, size: int, rank: int, above: float, bins: Bins, counts: NDArray[np.int64], sample: Floats
+    v: Floats, size: int, rank: int, above: float, bins: Bins, counts: Ints, sample: Floats
 ) -> tuple[float, float]:
     """Return the values of rank ``rank`` and ``rank + 1`` among the first ``size`` of ``v``; ``above`` behind the last.
 
@@ -141,55 +165,80 @@ def ranked(
             break
         start, end = bulk(v, size, low, high, sample)
         into_bins(v, start, BINS / (end - start), bins, np.uint32(0), np.uint32(size))
-        count_bins(bins, size, counts)
+        count_bins(bins, np.uint32(0), np.uint32(size), counts[0])
         bin_, within = bin_of(counts, rank)
         if (
-            counts[bin_] == size
+            counts[0, bin_] == size
         ):  # values that no histogram can part, as next to the least or greatest float there is
             sort_many(v, size)
             break
-        if within + 1 == counts[bin_]:
+        if within + 1 == counts[0, bin_]:
             above = min(above, least_above(v, bins, size, bin_))
         kept = np.uint64(0)
         for k in range(np.uint64(0), np.uint64(size)):
             v[kept] = v[k]
             kept += np.uint64(bins[k] == bin_)
-        size, rank = counts[bin_], within
+        size, rank = counts[0, bin_], within
     if size <= FEW:
         sort_few(v, size)
     return v[rank], v[rank + 1] if rank + 1 < size else above
 
 
 @inner
-def percentiles(
-    K: Floats, K_min: float, K_max: float, window: tuple[float, float], use: Buffers
-) -> tuple[float, float]:
-    """Return two percentiles of K (n,), linearly interpolated.
+def places(n: int, window: tuple[float, float]) -> tuple[float, float]:
+    """Return where two percentiles lie among n values in order, the first at 0."""
+    return (n - 1) * (window[0] / 100), (n - 1) * (window[1] / 100)
+
+
+@inner
+def is_inner(window: tuple[float, float]) -> bool:
+    """Whether its percentiles are others than the extremes."""
+    return window[0] > 0 or window[1] < 100
+
+
+@inner
+def count_part(
+    K: Floats, K_min: float, K_max: float, use: Buffers, part: int, first: Index, last: Index
+) -> None:
+    """Note the bin of each K (n,) of a part, and how many it has in each; for `percentiles`, which see."""
+    start, end = bulk(K, K.size, K_min, K_max, use.samples[part])
+    into_bins(K, start, BINS / (end - start), use.bins, first, last)
+    count_bins(use.bins, first, last, use.counts[part])
+
+
+@inner
+def collect_part(K: Floats, window: tuple[float, float], use: Buffers, first: Index, last: Index) -> None:
+    """Copy what a part has in the bins of two percentiles, after all parts are counted."""
+    place_one, place_two = places(K.size, window)
+    bin_one, _ = bin_of(use.counts, math.floor(place_one))
+    bin_two, _ = bin_of(use.counts, math.floor(place_two))
+    collect(K, use.bins, bin_one, bin_two, use.chosen[0], use.chosen[1], first, last)
+
+
+@inner
+def percentiles(K: Floats, K_max: float, window: tuple[float, float], use: Buffers) -> tuple[float, float]:
+    """Return two percentiles of K (n,), linearly interpolated, after `count_part` and `collect_part` of all parts.
 
     Args:
-        K: all finite.
-        K_min: the least of K.
-        K_max: the greatest, above K_min.
+        K: all finite, not all the same.
+        K_max: the greatest.
         window: the two, 0 … 100.
         use: has the scratch.
 
     """
-    if window[0] <= 0 and window[1] >= 100:
-        return K_min, K_max
     n, one, two = K.size, use.chosen[0], use.chosen[1]
-    start, end = bulk(K, n, K_min, K_max, use.sample)
-    into_bins(K, start, BINS / (end - start), use.bins, np.uint32(0), np.uint32(n))
-    count_bins(use.bins, n, use.counts)
-    place_one, place_two = (n - 1) * (window[0] / 100), (n - 1) * (window[1] / 100)
+    place_one, place_two = places(n, window)
     rank_one, rank_two = math.floor(place_one), math.floor(place_two)
     bin_one, within_one = bin_of(use.counts, rank_one)
     bin_two, within_two = bin_of(use.counts, rank_two)
-    size_one, size_two = use.counts[bin_one], use.counts[bin_two]
-    collect(K, use.bins, n, bin_one, bin_two, one, two)
+    size_one, size_two = in_bin(use.counts, bin_one), in_bin(use.counts, bin_two)
+    close_up(one, use.counts, bin_one)
+    close_up(two, use.counts, bin_two)
     above_one = least_above(K, use.bins, n, bin_one) if within_one + 1 == size_one else np.inf
     above_two = least_above(K, use.bins, n, bin_two) if within_two + 1 == size_two else np.inf
-    low, low_next = ranked(one, size_one, within_one, above_one, use.bins, use.counts, use.sample)
-    high, high_next = ranked(two, size_two, within_two, above_two, use.bins, use.counts, use.sample)
+    counts, sample = use.counts[:1], use.samples[0]
+    low, low_next = ranked(one, size_one, within_one, above_one, use.bins, counts, sample)
+    high, high_next = ranked(two, size_two, within_two, above_two, use.bins, counts, sample)
     low = interpolated(low, min(low_next, K_max), place_one - rank_one)
     high = interpolated(high, min(high_next, K_max), place_two - rank_two)
     return low, high

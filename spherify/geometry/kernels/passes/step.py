@@ -7,12 +7,14 @@ import numpy as np
 from spherify.geometry.kernels.passes.jit import entry, inner
 from spherify.geometry.kernels.passes.movement import go_ahead, move, move_to, scale
 from spherify.geometry.kernels.passes.relaxation import relax, weigh
-from spherify.geometry.kernels.passes.selection import percentiles
+from spherify.geometry.kernels.passes.selection import collect_part, count_part, is_inner, percentiles
 from spherify.geometry.kernels.passes.totals import greatest_of
 from spherify.geometry.kernels.passes.types import (
     AHEAD,
     CENTRE,
+    COLLECT,
     CONSTANT,
+    COUNT,
     EXTREMES,
     HOLD,
     INTEGRATE,
@@ -38,15 +40,32 @@ from spherify.geometry.transformation import EQUAL_CURVATURE
 
 
 @inner
+def least_width(lowest: float, highest: float) -> float:
+    """Return how far apart K_min and K_max must be not to count as equal."""
+    return EQUAL_CURVATURE * max(abs(lowest), abs(highest))
+
+
+@inner
+def choose(use: Buffers, mode: Mode, task: Task, lowest: float, highest: float) -> None:
+    """Go as far towards the percentiles as can be shared out, if they are wanted."""
+    if is_inner(mode.window) and highest - lowest > least_width(lowest, highest):
+        if task.passes & COUNT:
+            count_part(use.curvature, lowest, highest, use, task.part, task.first, task.last)
+        if task.passes & COLLECT:
+            collect_part(use.curvature, mode.window, use, task.first, task.last)
+
+
+@inner
 def extremes(use: Buffers, mode: Mode, lowest: float, highest: float) -> tuple[float, float]:
-    """Return K_min and K_max of the window; the same twice if the curvature is constant."""
-    least_width = EQUAL_CURVATURE * max(abs(lowest), abs(highest))
-    if highest - lowest <= least_width:
+    """Return K_min and K_max of the window, after `choose`; the same twice if the curvature is constant."""
+    width = least_width(lowest, highest)
+    if highest - lowest <= width:
         return lowest, lowest
-    K_min, K_max = percentiles(use.curvature, lowest, highest, mode.window, use)
-    if K_max - K_min <= least_width:
-        return lowest, highest
-    return K_min, K_max
+    if is_inner(mode.window):
+        K_min, K_max = percentiles(use.curvature, highest, mode.window, use)
+        if K_max - K_min > width:
+            return K_min, K_max
+    return lowest, highest
 
 
 @inner
@@ -78,7 +97,7 @@ def hold(mesh: Connectivity, use: Buffers, back: bool) -> None:
 
 @inner
 def measure(mesh: Connectivity, use: Buffers, scratch: Scratch, task: Task) -> None:
-    """Go on from the sums that INTEGRATE has left to the figures of the surface."""
+    """Go on from the sums that INTEGRATE has left to the figures of the surface, if they are wanted."""
     if task.passes & CENTRE:
         centre(use.position, use.sums, PER_VERTEX, use.whole)
     if task.passes & RADII:
@@ -106,14 +125,15 @@ def work(mesh: Connectivity, use: Buffers, scratch: Scratch, mode: Mode, task: T
         if task.passes & VERTICES and (i > 0 or not task.known):
             measured = task.passes & INTEGRATE != 0
             K_min, K_max, finite = vertex_pass(
-                mesh, use, scratch, mode, measured, task.first_run, task.last_run
+                mesh, use, scratch, mode, task.relaxation > 0, measured, task.first_run, task.last_run
             )
             exponent = mode.relaxation_exponent
             if task.relaxation > 0 and exponent != 0 and exponent != 1:  # noqa: PLR1714 - a set would be allocated
                 greatest = greatest_of(use.area[task.first : task.last])
             end = MOVED if finite else NOT_FINITE
-        if task.passes & (CENTRE | RADII | VARIATION):
-            measure(mesh, use, scratch, task)
+        measure(mesh, use, scratch, task)
+        if end == MOVED:
+            choose(use, mode, task, K_min, K_max)
         if task.passes & EXTREMES and end == MOVED:
             K_min, K_max = extremes(use, mode, K_min, K_max)
             end = MOVED if K_min < K_max else CONSTANT

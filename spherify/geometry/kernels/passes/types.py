@@ -35,6 +35,9 @@ VARIATION: Final = 256  # by one thread
 # Those that move all vertices alike.
 AHEAD: Final = 512
 SCALE: Final = 1024
+# Those before EXTREMES where the window leaves something out, in this order.
+COUNT: Final = 2048
+COLLECT: Final = 4096
 
 NONE: Final = 0xFFFFFFFF  # no such index
 RING: Final = 1  # the neighbours of a run are in order, all around; 0: they are in any
@@ -81,8 +84,8 @@ class Buffers(NamedTuple):
         held_position: (3, h) where the held vertices are.
         bins: (n,) the bin of each K in the histogram.
         chosen: (2, n) values the selection still chooses from.
-        counts: (BINS,) of the selection.
-        sample: (SAMPLE,) of the selection.
+        counts: (parts, BINS) of the selection.
+        samples: (parts, SAMPLE) of the selection.
         sums: (r, SUMS) of the vertices of each run; see `spherify.geometry.kernels.passes.whole`.
         whole: (RESULTS,) of all of them.
 
@@ -98,8 +101,8 @@ class Buffers(NamedTuple):
     held_position: Floats
     bins: NDArray[np.uint16]
     chosen: Floats
-    counts: NDArray[np.int64]
-    sample: Floats
+    counts: Ints
+    samples: Floats
     sums: Floats
     whole: Floats
 
@@ -109,14 +112,12 @@ class Scratch(NamedTuple):
 
     Attributes:
         rows: (ROWS, STRIDE), see `spherify.geometry.kernels.passes.rings`.
-        angles: (4, ANGLES), as above.
-        flat: (STRIDE,) not 0 for a vertex one of whose faces is flat.
+        angles: (ANGLE_ROWS, ANGLES), as above.
 
     """
 
     rows: Floats
     angles: Floats
-    flat: NDArray[np.int64]
 
 
 class Mode(NamedTuple):
@@ -148,6 +149,7 @@ class Task(NamedTuple):
         momentum: of AHEAD.
         centre: of SCALE, three coordinates.
         factor: likewise.
+        part: which of them, of COUNT.
 
     """
 
@@ -167,6 +169,7 @@ class Task(NamedTuple):
     momentum: float = 0.0
     centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
     factor: float = 1.0
+    part: int = 0
 
 
 class Found(NamedTuple):
