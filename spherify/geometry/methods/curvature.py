@@ -52,6 +52,9 @@ ROUND_ENOUGH: Final = (
     0.2  # radius variation below which it is on the sphere that a run goes on when it is stuck
 )
 LATE_ENOUGH: Final = 0.8  # sphericity from which on it is after LATE iterations
+LATER_LESS: Final = (
+    1e-3  # by which that falls with each iteration more: what is wound tightly may rise no further
+)
 ROUND: Final = 0.999  # sphericity from which on equal radii soon end a run; a lower one may still rise
 TURNED: Final = 0.1  # share of the sphere that inward faces may cover; more are no folds but a cavity
 PATIENCES: Final = 4  # of the annealing, that something may take on the sphere to get better
@@ -334,9 +337,10 @@ class CurvatureTransformation:
     def _round_enough(self, progress: Progress) -> bool:
         """Whether it is for the part on the sphere to begin, if only the sphere is covered once."""
         enough = 0.0 if self._unfolding is None else self._unfolding.sphericity
-        return progress.shape.sphericity >= (
-            min(enough, LATE_ENOUGH) if progress.iteration >= LATE else enough
-        )
+        late = progress.iteration - LATE
+        if late >= 0:
+            enough = min(enough, LATE_ENOUGH - LATER_LESS * late)
+        return progress.shape.sphericity >= enough
 
     def _begun(self, V: Floats, centre: Floats, control: Control) -> Control:
         """Return the control with which a part on the sphere begins, from V (n, 3) and about the centre."""
