@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
+from importlib.resources import files
+from importlib.resources.abc import Traversable
 from typing import Any, Final, TypeAlias
 
 import numpy as np
@@ -16,7 +18,30 @@ from spherify.geometry.errors import InvalidCheckpointError
 from spherify.geometry.mesh import Floats, TriangleMesh
 from spherify.geometry.roundness import Shape
 
-VERSION: Final = 6
+VERSION: Final = 6  # of the form of a state; what computes is told by SOURCES
+
+
+def digest_of(package: Traversable) -> str:
+    """Return the SHA-256 of the names and contents of all sources in a folder, hexadecimal."""
+    digest = hashlib.sha256()
+    for name, content in _sources(package):
+        digest.update(f"{name}:{len(content)}\n".encode())
+        digest.update(content)
+    return digest.hexdigest()
+
+
+def _sources(folder: Traversable, above: str = "") -> Iterator[tuple[str, bytes]]:
+    """Yield path and content of each, in order; where they are installed compiled only, of what is in their place."""
+    for entry in sorted(folder.iterdir(), key=lambda entry: entry.name):
+        name = above + entry.name
+        if entry.is_dir() and entry.name != "__pycache__":
+            yield from _sources(entry, f"{name}/")
+        elif name.endswith((".py", ".pyc")):
+            yield name, entry.read_bytes()
+
+
+SOURCES: Final = digest_of(files(__package__))
+"""Of this package when it was loaded: nobody need remember to say that a change alters what is computed."""
 
 Memory: TypeAlias = Mapping[
     str, NDArray[Any]
@@ -109,7 +134,7 @@ class Progress:
                 raise InvalidCheckpointError(f"the checkpoint has no array {name!r}")
             if name == "fingerprint" and not np.array_equal(array, fingerprint):
                 raise InvalidCheckpointError(
-                    "the checkpoint belongs to another mesh, other parameters or another engine"
+                    "the checkpoint belongs to another mesh, other parameters, another engine or another version"
                 )
             if array.dtype != kind or (shape is not None and array.shape != shape):
                 raise InvalidCheckpointError(
@@ -130,14 +155,14 @@ class Progress:
 
 
 def fingerprint_of(mesh: TriangleMesh, config: Config, computed_by: str) -> NDArray[np.uint8]:
-    """(32,) SHA-256 of all that decides how a run goes on: mesh, parameters, and who computes.
+    """(32,) SHA-256 of all that decides how a run goes on: mesh, parameters, and who computes, by which sources.
 
     The number of iterations is left out: a run may be extended from its last state.
     """
     parameters = asdict(config)
     del parameters["iterations"]
     digest = hashlib.sha256(
-        json.dumps([VERSION, computed_by, _as_floats(parameters)], sort_keys=True).encode()
+        json.dumps([VERSION, SOURCES, computed_by, _as_floats(parameters)], sort_keys=True).encode()
     )
     for array in (mesh.vertices, mesh.faces):
         digest.update(str(array.shape).encode())

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import io
+import shutil
+import zipfile
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from spherify.geometry import progress
 from spherify.geometry.config import Annealing, ImplicitFlowConfig
 from spherify.geometry.errors import InvalidCheckpointError
 from spherify.geometry.flow import StopReason, flow
 from spherify.geometry.presets import PRESETS
+from spherify.geometry.progress import digest_of
 from spherify.geometry.samples.solids import icosphere
 from tests.geometry.shapes import open_bump, sample, tetrahedron
 
@@ -135,6 +140,20 @@ class TestForeignOrDamaged:
         other = self.mesh.with_vertices(self.mesh.vertices * 1.0000001)
         self.refused("another mesh", arrays, mesh=other)
         self.refused("another mesh", arrays, mesh=icosphere(3))
+
+    def test_other_sources(self, arrays, monkeypatch, tmp_path):
+        package = Path(progress.__file__).parent
+        assert digest_of(package) == progress.SOURCES
+        copy = shutil.copytree(package, tmp_path / "geometry", ignore=shutil.ignore_patterns("__pycache__"))
+        archive = shutil.make_archive(str(tmp_path / "app"), "zip", tmp_path, copy.name)
+        assert digest_of(copy) == digest_of(zipfile.Path(archive) / copy.name) == progress.SOURCES
+        with (copy / "kernels" / "passes" / "step.py").open("a") as source:
+            source.write("#\n")
+        other = digest_of(copy)
+        (copy / "curvature.py").rename(copy / "curvatures.py")
+        assert len({digest_of(copy), other, progress.SOURCES}) == 3
+        monkeypatch.setattr(progress, "SOURCES", other)
+        self.refused("another version", arrays)
 
     @pytest.mark.parametrize(
         "change",
