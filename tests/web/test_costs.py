@@ -117,6 +117,57 @@ def test_the_preview_of_a_file_stays_until_what_the_service_has_is_drawn(
     assert max(ImageStat.Stat(difference).mean) < 0.8, "the camera stands elsewhere"
 
 
+def test_a_canvas_is_handed_on_from_view_to_view_and_keeps_nothing(
+    page: Page, stack: Stack, run: str
+) -> None:
+    def picture() -> Image.Image:
+        return Image.open(io.BytesIO(page.locator(".viewer").screenshot())).convert("RGB")
+
+    page.goto(f"{stack.url}/?job={run}&it=5&up=z&color=curvature&wire=1")
+    settled(page)
+    canvas, before = page.locator(".viewer canvas").element_handle(), picture()
+    for _ in range(2):
+        page.get_by_role("link", name="Spherify").click()
+        expect(page.locator(".hero .viewer canvas")).to_have_count(1)
+        settled(page)
+        assert page.locator(".viewer canvas").evaluate("(one, other) => one === other", canvas)
+        page.go_back()
+        expect(page.locator(".work .viewer canvas")).to_have_count(1)
+        settled(page)
+        assert page.locator(".viewer canvas").evaluate("(one, other) => one === other", canvas)
+        assert max(ImageStat.Stat(ImageChops.difference(before, picture())).mean) < 0.8
+
+
+CANVASES = """
+window.canvases = 0;
+const handed = HTMLCanvasElement.prototype.transferControlToOffscreen;
+HTMLCanvasElement.prototype.transferControlToOffscreen = function () {
+  canvases += 1;
+  return handed.call(this);
+};
+self.OffscreenCanvas = new Proxy(OffscreenCanvas, {
+  construct: (made, how) => (canvases += 1, new made(...how)),
+});
+"""
+
+
+def test_small_pictures_need_no_canvas_and_what_plays_rests_while_a_file_is_chosen(
+    page: Page, stack: Stack, run: str
+) -> None:
+    page.emulate_media(reduced_motion="no-preference")
+    page.add_init_script(CANVASES)
+    page.goto(stack.url)
+    pause = page.locator(".hero").get_by_role("button", name="Pause")
+    expect(pause).to_be_visible()
+    expect(page.locator(".run img").first).to_be_visible()
+    assert page.evaluate("canvases") == 1
+    with page.expect_file_chooser():
+        page.locator(".drop").click()
+    expect(pause).to_have_count(0)
+    page.locator("input[type=file]").dispatch_event("cancel")
+    expect(pause).to_be_visible()
+
+
 def test_its_own_thread_neither_draws_nor_reads_meshes(page: Page, stack: Stack, run: str) -> None:
     page.context.add_init_script(WATCH)
     page.goto(f"{stack.url}/?job={run}&it=0&up=z&color=curvature")

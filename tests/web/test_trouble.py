@@ -15,7 +15,7 @@ from playwright.sync_api import Page, Route, expect
 from tests.e2e.api import Api
 from tests.e2e.test_readme import BOX_WITHOUT_A_LID
 from tests.stack import QUICK, Stack, started_stack, wait_for
-from tests.web.browser import Complaints, iteration, settled, status, worker
+from tests.web.browser import Complaints, address, iteration, settled, status, worker
 
 NETWORK = r"Failed to load resource: (net::ERR|the server responded with a status of (404|410|422|503))"
 
@@ -53,6 +53,7 @@ def test_what_cannot_be_read_is_said_in_the_services_words(
     page.locator("input[type=file]").set_input_files(nothing)
     expect(page.get_by_role("alert")).to_contain_text("The file has no faces")
     expect(page.locator(".note")).to_contain_text("No preview")
+    expect(page.get_by_role("button", name="Turn upright")).to_have_count(0)  # there is nothing to turn
 
 
 def test_the_same_bytes_under_another_name_have_that_name_here(
@@ -102,6 +103,21 @@ def test_an_address_of_nothing_says_so(page: Page, complaints: Complaints, stack
     page.get_by_role("link", name="To the first page").click()
     expect(page.get_by_role("heading", level=1)).to_be_focused()
     expect(page).to_have_url(f"{stack.url}/")
+
+
+def test_what_is_answered_after_one_has_left_leads_nowhere(page: Page, stack: Stack, run: str) -> None:
+    held: list[Route] = []
+    page.route("**/v1/jobs?dry_run=true", lambda route: held.append(route))  # noqa: PLW0108 - a builtin is not taken
+    page.goto(f"{stack.url}/?job={run}&it=5")
+    settled(page)
+    with page.expect_request("**/v1/jobs?dry_run=true"):
+        page.get_by_role("button", name="From here").click()
+    page.get_by_role("link", name="Spherify").click()
+    expect(page.get_by_role("heading", level=1)).to_be_focused()
+    with page.expect_response("**/v1/jobs?dry_run=true"):
+        held[0].continue_()
+    page.evaluate("new Promise((seen) => requestAnimationFrame(() => requestAnimationFrame(seen)))")
+    assert address(page) == f"{stack.url}/"
 
 
 def test_what_of_an_address_cannot_be_followed_is_named(page: Page, stack: Stack, run: str) -> None:
@@ -182,12 +198,10 @@ def test_while_nobody_looks_nothing_is_asked_and_then_nothing_was_missed(
 
 
 CONTEXTS = """() => {
-  self.contexts = [];
-  const made = OffscreenCanvas.prototype.getContext;
-  OffscreenCanvas.prototype.getContext = function (...how) {
-    const context = made.apply(this, how);
-    if (how[0] === 'webgl2' && this.width > 192) self.contexts.push(context); // no thumbnails
-    return context;
+  const clear = WebGL2RenderingContext.prototype.clear;
+  WebGL2RenderingContext.prototype.clear = function (...what) {
+    if (this.canvas.width > 192) self.context = this; // no thumbnails
+    return clear.apply(this, what);
   };
 }"""
 
@@ -197,17 +211,27 @@ def test_a_lost_picture_comes_back(page: Page, stack: Stack, run: str) -> None:
     settled(page)
     drawing = worker(page, "drawing")
     drawing.evaluate(CONTEXTS)
-    page.get_by_role("link", name="Spherify").click()
-    page.go_back()  # to a canvas whose context is known
-    settled(page)
     canvas = page.locator(".viewer canvas")
-    before = canvas.screenshot()
-    drawing.evaluate("self.loss = self.contexts.at(-1).getExtension('WEBGL_lose_context')")
+    canvas.press("ArrowLeft")
+    canvas.press("ArrowRight")
+    wait_for(lambda: drawing.evaluate("'context' in self"), what="the context is known by what it draws")
+    settled(page)
+    canvas.blur()  # its frame is no part of the picture
+    before, first = canvas.screenshot(), canvas.element_handle()
+    drawing.evaluate("self.loss = self.context.getExtension('WEBGL_lose_context')")
     drawing.evaluate("self.loss.loseContext()")
     expect(page.locator(".note")).to_contain_text("took the picture away")
     drawing.evaluate("self.loss.restoreContext()")
     expect(page.locator(".note")).to_have_count(0)
     wait_for(lambda: difference(before, canvas.screenshot()) < 1, what="the same picture again")
+
+    drawing.evaluate("self.loss.loseContext()")
+    expect(page.locator(".note")).to_contain_text("took the picture away")
+    page.get_by_role("link", name="Spherify").click()
+    page.go_back()
+    settled(page)
+    assert not canvas.evaluate("(one, other) => one === other", first), "a lost one is not handed on"
+    wait_for(lambda: difference(before, canvas.screenshot()) < 1, what="the same picture on another one")
 
 
 def test_a_service_that_was_restarted_in_mid_run_is_found_again(

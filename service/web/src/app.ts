@@ -26,6 +26,7 @@ export class App {
   private readonly rail: Rail;
   private route: Route = { view: 'home' };
   private view: View;
+  private visits = 0;
   private menu = false;
   /** What the address held that could not be followed. */
   private leftOut: readonly string[] = [];
@@ -50,6 +51,9 @@ export class App {
       thumbnails: new Thumbnails(worker),
       go: (route, stays) => {
         this.go(route, stays ?? false);
+      },
+      choosing: (begun) => {
+        this.view.choosing?.(begun);
       },
       files: (files) => {
         this.files(files);
@@ -80,9 +84,7 @@ export class App {
     });
     addEventListener('keydown', this.key);
     this.root.addEventListener('click', this.press);
-    takeDrops((files) => {
-      this.files(files);
-    });
+    takeDrops(this.context);
     this.refresh();
   }
 
@@ -119,38 +121,34 @@ export class App {
     this.arriving = 'yes';
     this.announced ??= '';
     this.silent = true;
+    const context = this.lent();
     void this.show(async () => {
       if (files.length > 1) {
         const { BatchView } = await import('./views/batch');
-        return new BatchView(this.context, files);
+        return new BatchView(context, files);
       }
       const { MeshView } = await import('./views/mesh');
-      return new MeshView(this.context, file);
+      return new MeshView(context, file);
     });
+  }
+
+  /** What the next view works with: once it is left, what it still waited for leads the visitor nowhere. */
+  private lent(): Context {
+    const visit = ++this.visits;
+    return {
+      ...this.context,
+      go: (route, stays) => {
+        if (visit === this.visits) this.context.go(route, stays);
+      },
+    };
   }
 
   /** The first page is here at once; what draws is fetched when it is wanted, or when there is time. */
   private open(route: Route): void {
-    if (route.view === 'home') this.put(new HomeView(this.context));
+    const context = this.lent();
+    if (route.view === 'home') this.put(new HomeView(context));
     else if (route.view === 'astray') this.put(new AstrayView(route.why));
-    else void this.show(() => this.made(route));
-  }
-
-  private async made(route: Exclude<Route, { view: 'home' | 'astray' }>): Promise<View> {
-    switch (route.view) {
-      case 'mesh': {
-        const { MeshView } = await import('./views/mesh');
-        return new MeshView(this.context, route.mesh, route.up, route.name);
-      }
-      case 'job': {
-        const { JobView } = await import('./views/job');
-        return new JobView(this.context, route.shown, route.look);
-      }
-      case 'compare': {
-        const { CompareView } = await import('./views/compare');
-        return new CompareView(this.context, route.left, route.right, route.look);
-      }
-    }
+    else void this.show(() => made(route, context));
   }
 
   /** Show a view as soon as its code is here, unless another one was asked for meanwhile. */
@@ -287,4 +285,22 @@ export class App {
     if (typing || pressing) return;
     if (this.view.key?.(event)) event.preventDefault();
   };
+}
+
+/** Make what an address is of, as soon as its code is here. */
+async function made(route: Exclude<Route, { view: 'home' | 'astray' }>, context: Context): Promise<View> {
+  switch (route.view) {
+    case 'mesh': {
+      const { MeshView } = await import('./views/mesh');
+      return new MeshView(context, route.mesh, route.up, route.name);
+    }
+    case 'job': {
+      const { JobView } = await import('./views/job');
+      return new JobView(context, route.shown, route.look);
+    }
+    case 'compare': {
+      const { CompareView } = await import('./views/compare');
+      return new CompareView(context, route.left, route.right, route.look);
+    }
+  }
 }

@@ -103,3 +103,19 @@ test('the series that was asked for at the end is the last word, however late an
   expect(run.state?.rows.map((row) => row.iteration)).toEqual([0, 20]);
   expect(vi.getTimerCount()).toBe(0);
 });
+
+test('a run that was left tells nobody of a failure that comes late', async () => {
+  let fail: (problem: Error) => void = () => undefined;
+  answer = () =>
+    new Promise((_, reject) => {
+      fail = reject;
+    });
+  const run = begun();
+  const told = vi.fn();
+  run.onChange(told);
+  run.close();
+  fail(unreachable());
+  await vi.advanceTimersByTimeAsync(60_000);
+  expect(told).not.toHaveBeenCalled();
+  expect(asked).toBe(1);
+});

@@ -56,6 +56,7 @@ export class Run extends Emitter {
       this.changed();
       await this.series();
     } catch (thrown) {
+      if (this.isClosed()) return;
       this.problem = asProblem(thrown);
       this.changed();
       if (this.problem.passing) this.later(() => this.open(), this.problem.waitMs(AGAIN_MS));

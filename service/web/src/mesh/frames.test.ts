@@ -110,3 +110,25 @@ test('a state that is asked for twice at once is fetched once', async () => {
   await Promise.all([frames.load(7, null), frames.load(7, null)]);
   expect(fetched).toBe(1);
 });
+
+test('what comes after the run was left is not kept, and the worker forgets it', async () => {
+  const asked: string[] = [];
+  const logging: Pick<MeshWorker, 'ask'> = {
+    ask: async (task, ask) => {
+      const answer = await worker.ask(task, ask);
+      asked.push(task); // in the order in which the worker knows
+      return answer;
+    },
+  };
+  const held = new Held();
+  const late = new Frames(logging, 'job_1', held, BUDGET);
+  const opening = late.open(0, (drawable, key) => {
+    held.keep(key, drawable.frame);
+  });
+  const loading = late.load(3, 'curvature');
+  late.close();
+  await Promise.all([opening, loading]);
+  expect(held.numbers.size).toBe(0);
+  expect(late.bytes).toBe(0);
+  expect(asked.lastIndexOf('forget')).toBeGreaterThan(asked.lastIndexOf('topology'));
+});

@@ -30,6 +30,7 @@ export class Frames {
   private readonly kept: ByteBudget<Kept>;
   private readonly coming = new Map<string, Promise<void>>();
   private exact = true;
+  private closed = false;
   private static made = 0;
 
   constructor(
@@ -56,6 +57,10 @@ export class Frames {
       faces: `/v1/jobs/${this.job}/topology`,
       positions: `/v1/jobs/${this.job}/snapshots/${first}/positions?dtype=f32`,
     });
+    if (this.closed) {
+      this.forget(); // the worker knows the run since it answered, whatever it was told before
+      return;
+    }
     this.exact = drawable.triangles / 2 <= EXACT_VERTICES;
     const key = frameKey(first);
     this.kept.set(key, { key, range: null }, bytesOf(drawable.frame)); // makes room first
@@ -87,8 +92,20 @@ export class Frames {
   }
 
   close(): void {
+    this.closed = true;
     this.kept.clear();
+    this.forget();
+  }
+
+  private forget(): void {
     void this.worker.ask('forget', { key: this.run });
+  }
+
+  /** Keep what was fetched, unless it came too late to be dropped again. */
+  private keep(kept: Kept, numbers: Frame | Float32Array<ArrayBuffer>, size: number): void {
+    if (this.closed) return;
+    this.kept.set(kept.key, kept, size); // makes room first
+    this.store.keep(kept.key, numbers);
   }
 
   private async once(key: string, fetch: (key: string) => Promise<void>): Promise<void> {
@@ -105,16 +122,14 @@ export class Frames {
     const dtype = this.exact ? 'f32' : 'u16';
     const url = `/v1/jobs/${this.job}/snapshots/${iteration}/positions?dtype=${dtype}`;
     const frame = await this.worker.ask('frame', { key: this.run, url, exact: this.exact });
-    this.kept.set(key, { key, range: null }, bytesOf(frame));
-    this.store.keep(key, frame);
+    this.keep({ key, range: null }, frame, bytesOf(frame));
   }
 
   private async fetchField(iteration: number, field: Field, key: string): Promise<void> {
     const url = `/v1/jobs/${this.job}/snapshots/${iteration}/fields/${field}`;
     const { diverging, tail } = FIELD_INFO[field];
     const { values, range } = await this.worker.ask('field', { key: this.run, url, diverging, tail });
-    this.kept.set(key, { key, range }, values.byteLength);
-    this.store.keep(key, values);
+    this.keep({ key, range }, values, values.byteLength);
   }
 }
 

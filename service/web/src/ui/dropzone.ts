@@ -19,6 +19,12 @@ export function dropZone(context: Context): TemplateResult {
       class="hidden"
       multiple
       accept=".obj,.ply,.stl,.off,.glb,.3mf"
+      @click=${() => {
+        context.choosing(true);
+      }}
+      @cancel=${() => {
+        context.choosing(false);
+      }}
       @change=${(event: Event) => {
         const chosen = event.target as HTMLInputElement;
         context.files([...(chosen.files ?? [])]);
@@ -32,10 +38,13 @@ export function dropZone(context: Context): TemplateResult {
 }
 
 /** Take files that are dropped anywhere on the page. */
-export function takeDrops(take: (files: readonly File[]) => void): void {
+export function takeDrops(context: Context): void {
   const over = (on: boolean): void => {
     document.documentElement.classList.toggle('dragging', on);
+    if (on !== was) context.choosing(on);
+    was = on;
   };
+  let was = false;
   let depth = 0; // enter and leave come for every element below the pointer
   addEventListener('dragenter', (event) => {
     if (!event.dataTransfer?.types.includes('Files')) return;
@@ -52,7 +61,7 @@ export function takeDrops(take: (files: readonly File[]) => void): void {
   addEventListener('drop', (event) => {
     event.preventDefault();
     depth = 0;
+    context.files([...(event.dataTransfer?.files ?? [])]);
     over(false);
-    take([...(event.dataTransfer?.files ?? [])]);
   });
 }

@@ -26,18 +26,19 @@ export interface Scene {
   readonly facets: boolean;
 }
 
-export type PictureType = 'image/png' | 'image/webp';
+/** A surface in its first state, ready to be drawn. */
+export interface Surface {
+  readonly index: Uint32Array<ArrayBuffer>;
+  readonly frame: Frame;
+  readonly bounds: Bounds;
+}
 
 export type Ask =
   | { readonly ask: 'open'; readonly canvas: Canvas }
+  /** Take the canvas over that another was, emptied. */
+  | { readonly ask: 'pass'; readonly from: number }
   /** Put another surface in, with its first state. */
-  | {
-      readonly ask: 'load';
-      readonly index: Uint32Array<ArrayBuffer>;
-      readonly key: string;
-      readonly frame: Frame;
-      readonly bounds: Bounds;
-    }
+  | ({ readonly ask: 'load'; readonly key: string } & Surface)
   | { readonly ask: 'keep'; readonly key: string; readonly numbers: Frame | Float32Array<ArrayBuffer> }
   | { readonly ask: 'drop'; readonly key: string }
   /** Draw what is wrong with the surface. */
@@ -48,7 +49,9 @@ export type Ask =
       readonly positions: Float32Array<ArrayBuffer> | null;
     }
   | { readonly ask: 'draw'; readonly scene: Scene }
-  | { readonly ask: 'picture'; readonly scene: Scene; readonly type: PictureType }
+  | { readonly ask: 'picture'; readonly scene: Scene }
+  /** Hand over a square picture of what is shown nowhere: whichever canvas there is lends what draws it. */
+  | { readonly ask: 'sketch'; readonly surface: Surface; readonly pose: Pose; readonly size: number }
   | { readonly ask: 'close' };
 
 export type DrawingState = 'ready' | 'lost' | 'unsupported';

@@ -1,21 +1,27 @@
-import { Group, PerspectiveCamera, Scene as Space, WebGLRenderer } from 'three';
+import { ColorManagement, LinearSRGBColorSpace, WebGLRenderer } from 'three';
 import { lineOpacity } from '../core/lines';
-import type { Bounds, Frame } from '../mesh/types';
-import type { Ask, Canvas, PictureType, Scene, Shown, Told } from './asks';
+import type { Pose } from '../core/camera';
+import type { Frame } from '../mesh/types';
+import type { Ask, Canvas, Scene, Shown, Surface, Told } from './asks';
 import { FaultLines } from './faultlines';
+import { Sight } from './sight';
+import { copyOf, fileOf, sketch } from './sketch';
 import { Paints, SurfaceMesh, type Coloured } from './surface';
+
+ColorManagement.enabled = false; // every colour is given as the screen shows it, and drawn as it is given
 
 type Load = Extract<Ask, { ask: 'load' }>;
 type Mark = Extract<Ask, { ask: 'mark' }>;
+/** What is asked of one that has its canvas. */
+type Task = Exclude<Ask, { ask: 'open' | 'pass' | 'sketch' }>;
 
 /** One canvas with one surface, its states, and what is wrong with it; draws when it is asked to. */
 export class Painter {
   private readonly renderer: WebGLRenderer | null;
-  private readonly camera = new PerspectiveCamera(38, 1, 0.01, 100);
-  private readonly space = new Space();
-  /** Scales the surface to a ball of radius 1 around the origin. */
-  private readonly frame = new Group();
+  private readonly sight = new Sight();
   private readonly paints = new Paints();
+  /** For what is shown nowhere: what these share is compiled once for both. */
+  private readonly aside = new Paints();
   private readonly kept = new Map<string, Frame | Float32Array<ArrayBuffer>>();
   private surface: SurfaceMesh | null = null;
   private faults: FaultLines | null = null;
@@ -30,7 +36,6 @@ export class Painter {
     private readonly canvas: Canvas,
     private readonly tell: (told: Told) => void,
   ) {
-    this.space.add(this.frame);
     this.renderer = this.start();
     const target: EventTarget = canvas;
     target.addEventListener('webglcontextlost', this.lose);
@@ -38,10 +43,8 @@ export class Painter {
   }
 
   /** Do what is asked. */
-  take(ask: Ask): void {
+  take(ask: Task): void {
     switch (ask.ask) {
-      case 'open':
-        throw new Error('this canvas is open');
       case 'load':
         this.load(ask);
         break;
@@ -63,7 +66,7 @@ export class Painter {
         });
         break;
       case 'picture':
-        void this.picture(ask.scene, ask.type);
+        void this.picture(ask.scene);
         break;
       case 'close':
         this.close();
@@ -71,10 +74,39 @@ export class Painter {
     }
   }
 
+  /** Whether it can draw now. */
+  get able(): boolean {
+    return this.renderer !== null && !this.lost;
+  }
+
+  /** Return a square picture of a surface that is not shown, null if there can be none; what is shown stays. */
+  async sketch(surface: Surface, pose: Pose, size: number): Promise<Blob | null> {
+    if (this.renderer === null) return null;
+    try {
+      return await fileOf(await sketch(this.renderer, this.aside, surface, pose, size));
+    } catch {
+      return null; // the card was lost meanwhile
+    }
+  }
+
+  /** Begin anew, with an empty canvas; what is wrong with it is told again. */
+  begin(): void {
+    cancelAnimationFrame(this.request);
+    cancelAnimationFrame(this.seeing);
+    this.request = 0;
+    this.unseen = false;
+    this.wanted = null;
+    this.clear();
+    if (this.renderer === null) this.tell({ told: 'state', state: 'unsupported' });
+    else if (this.lost) this.tell({ told: 'state', state: 'lost' });
+    else this.renderer.clear(); // or what it showed would be seen once more
+  }
+
   private start(): WebGLRenderer | null {
     try {
       const renderer = new WebGLRenderer({ canvas: this.canvas, antialias: true, alpha: true });
       renderer.setClearAlpha(0);
+      renderer.outputColorSpace = LinearSRGBColorSpace;
       renderer.debug.checkShaderErrors = false; // asking waits until the compiler is done
       return renderer;
     } catch {
@@ -88,28 +120,23 @@ export class Painter {
     this.kept.set(key, frame);
     this.surface = new SurfaceMesh(this.paints, index, frame.positions.length / 3);
     this.surface.show({ frame, values: null }, { frame, values: null }, 0);
-    this.place(bounds);
-    this.frame.add(this.surface.mesh, this.surface.wire);
+    this.sight.place(bounds);
+    this.sight.frame.add(this.surface.mesh, this.surface.wire);
     this.unseen = true;
-  }
-
-  private place({ centre, radius }: Bounds): void {
-    this.frame.scale.setScalar(1 / radius);
-    this.frame.position.set(-centre[0] / radius, -centre[1] / radius, -centre[2] / radius);
   }
 
   private mark({ faults, places, positions }: Mark): void {
     this.faults?.dispose();
-    if (this.faults) this.frame.remove(this.faults.group);
+    if (this.faults) this.sight.frame.remove(this.faults.group);
     this.faults = new FaultLines(faults, places, positions);
-    this.frame.add(this.faults.group);
+    this.sight.frame.add(this.faults.group);
   }
 
   private draw(scene: Scene): void {
     const { renderer, surface, paints } = this;
     if (renderer === null || this.lost) return;
     this.fit(scene);
-    this.look(scene);
+    this.sight.aim(scene.pose);
     paints.clay.facets = scene.facets;
     paints.clay.colours(scene.colours);
     if (surface) {
@@ -117,10 +144,10 @@ export class Painter {
       surface.wire.visible = scene.wire;
       const { eye, target, fieldOfView } = scene.pose;
       const distance = Math.hypot(...eye.map((value, axis) => value - (target[axis] ?? 0)));
-      const edge = surface.edge * this.frame.scale.x;
+      const edge = surface.edge * this.sight.frame.scale.x;
       paints.strength = lineOpacity(edge, distance, fieldOfView, scene.size.height);
     }
-    renderer.render(this.space, this.camera);
+    renderer.render(this.sight.space, this.sight.camera);
     if (surface && this.unseen) this.see(renderer.getContext() as WebGL2RenderingContext);
   }
 
@@ -168,23 +195,15 @@ export class Painter {
     this.size = size;
     this.renderer?.setPixelRatio(ratio);
     this.renderer?.setSize(width, height, false);
-    this.camera.aspect = width / Math.max(height, 1);
-  }
-
-  private look({ pose: { eye, target, up, fieldOfView } }: Scene): void {
-    this.camera.fov = fieldOfView;
-    this.camera.up.set(...up);
-    this.camera.position.set(...eye);
-    this.camera.lookAt(...target);
-    this.camera.updateProjectionMatrix();
+    this.sight.camera.aspect = width / Math.max(height, 1);
   }
 
   /** Draw anew, as the canvas does not keep what it showed, and hand over a copy. */
-  private async picture(scene: Scene, type: PictureType): Promise<void> {
+  private async picture(scene: Scene): Promise<void> {
     let blob: Blob | null = null;
     try {
       this.draw(scene);
-      blob = await copyOf(this.canvas, type);
+      blob = await copyOf(this.canvas, 'image/png');
     } catch {
       // a canvas without a size, or a card that was lost: whoever asked is told that there is none
     }
@@ -196,7 +215,7 @@ export class Painter {
     this.faults?.dispose();
     this.surface = null;
     this.faults = null;
-    this.frame.clear();
+    this.sight.frame.clear();
     this.kept.clear();
   }
 
@@ -205,6 +224,7 @@ export class Painter {
     cancelAnimationFrame(this.seeing);
     this.clear();
     this.paints.dispose();
+    this.aside.dispose();
     (this.canvas as EventTarget).removeEventListener('webglcontextlost', this.lose);
     this.renderer?.dispose();
     this.renderer?.forceContextLoss(); // a browser keeps but a few
@@ -220,11 +240,4 @@ export class Painter {
     this.lost = false;
     this.tell({ told: 'state', state: 'ready' }); // it is asked to draw again, and three sends everything again
   };
-}
-
-function copyOf(canvas: Canvas, type: PictureType): Promise<Blob | null> {
-  if ('convertToBlob' in canvas) return canvas.convertToBlob({ type });
-  return new Promise((resolve) => {
-    canvas.toBlob(resolve, type);
-  });
 }

@@ -1,11 +1,12 @@
-import type { Ask, Asked, Canvas, Heard, PictureType, Scene, Told } from './asks';
+import type { Pose } from '../core/camera';
+import type { Ask, Asked, Canvas, Heard, Scene, Surface, Told } from './asks';
 
 /** Whether this browser can hand a canvas to a worker. */
 export function drawsInWorkers(): boolean {
   return 'OffscreenCanvas' in globalThis && 'transferControlToOffscreen' in HTMLCanvasElement.prototype;
 }
 
-const open = new Map<number, Remote>();
+const open = new Map<number, Pick<Remote, 'hear'>>();
 /** Does what is asked: a worker, or where there is none for it, this thread. */
 interface Hand {
   postMessage(asked: Asked, transfer: Transferable[]): void;
@@ -55,19 +56,41 @@ function inWorker(): Worker {
   return made;
 }
 
-/** Have the worker started before the first canvas, while there is time. */
-export function warm(): void {
+function send(asked: Asked, transfer: Transferable[]): void {
   hand ??= started();
+  hand.postMessage(asked, transfer);
+}
+
+/** Return a square picture of a surface that is shown nowhere; it is handed over. There must be a canvas already. */
+export async function sketch(surface: Surface, pose: Pose, size: number): Promise<Blob> {
+  const { index, frame, bounds } = surface;
+  const id = ++last;
+  const blob = await new Promise<Blob | null>((resolve) => {
+    open.set(id, {
+      hear: (told) => {
+        resolve(told.told === 'picture' ? told.blob : null);
+      },
+    });
+    const transfer = [index.buffer, frame.positions.buffer, frame.normals.buffer];
+    send({ canvas: id, ask: { ask: 'sketch', surface: { index, frame, bounds }, pose, size } }, transfer);
+  });
+  open.delete(id);
+  return made(blob);
+}
+
+function made(blob: Blob | null): Blob {
+  if (blob === null) throw new Error('The picture could not be made.');
+  return blob;
 }
 
 /** A canvas that is drawn by a worker, if there is one. */
 export class Remote {
-  private readonly id = ++last;
+  private id = ++last;
   private readonly pictures: ((blob: Blob | null) => void)[] = [];
 
   constructor(
     canvas: Canvas,
-    private readonly told: (told: Told) => void = () => undefined,
+    private told: (told: Told) => void = () => undefined,
   ) {
     open.set(this.id, this);
     this.send({ ask: 'open', canvas }, canvas instanceof HTMLCanvasElement ? [] : [canvas]);
@@ -75,18 +98,16 @@ export class Remote {
 
   /** Ask for something; `transfer` is handed over. */
   send(ask: Ask, transfer: Transferable[] = []): void {
-    hand ??= started();
-    hand.postMessage({ canvas: this.id, ask }, transfer);
+    send({ canvas: this.id, ask }, transfer);
   }
 
-  /** Return a picture of a scene. */
-  async picture(scene: Scene, type: PictureType): Promise<Blob> {
+  /** Return a picture of a scene, as PNG. */
+  async picture(scene: Scene): Promise<Blob> {
     const blob = await new Promise<Blob | null>((resolve) => {
       this.pictures.push(resolve);
-      this.send({ ask: 'picture', scene, type });
+      this.send({ ask: 'picture', scene });
     });
-    if (blob === null) throw new Error('the picture could not be made');
-    return blob;
+    return made(blob);
   }
 
   hear(told: Told): void {
@@ -94,8 +115,22 @@ export class Remote {
     else this.told(told);
   }
 
+  /** Belong to somebody else from now on, emptied: what is on its way to the former one is not heard any more. */
+  pass(told: (told: Told) => void): void {
+    const from = this.id;
+    this.leave();
+    this.id = ++last;
+    this.told = told;
+    open.set(this.id, this);
+    this.send({ ask: 'pass', from });
+  }
+
   close(): void {
-    this.send({ ask: 'close' });
+    hand?.postMessage({ canvas: this.id, ask: { ask: 'close' } }, []); // none is begun for that
+    this.leave();
+  }
+
+  private leave(): void {
     open.delete(this.id);
     for (const asked of this.pictures.splice(0)) asked(null);
   }

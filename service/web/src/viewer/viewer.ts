@@ -5,7 +5,8 @@ import type { Drawable, Located } from '../mesh/tasks';
 import type { Frame } from '../mesh/types';
 import type { DrawingState, Scene, Told } from './asks';
 import { OrbitCamera } from './camera';
-import { drawsInWorkers, Remote } from './remote';
+import { giveBack, take, type Easel } from './easels';
+import type { Remote } from './remote';
 
 const TURNS: Readonly<Record<string, readonly [number, number, number]>> = {
   ArrowLeft: [-0.12, 0, 1],
@@ -39,8 +40,7 @@ export class Viewer {
   /** Whether there is something to see: a surface was loaded, and the graphics card has drawn it once. */
   shown = false;
 
-  private readonly canvas = document.createElement('canvas');
-  private readonly remote: Remote;
+  private readonly easel: Easel;
   private readonly sizes: ResizeObserver;
   private size = { width: 0, height: 0 };
   private scene = PLAIN;
@@ -54,6 +54,7 @@ export class Viewer {
     this.element = document.createElement('div');
     this.element.className = 'viewer';
     this.expect(true);
+    this.easel = take(this.hear);
     this.canvas.tabIndex = 0;
     this.canvas.setAttribute('role', 'img');
     this.describe(label);
@@ -62,8 +63,6 @@ export class Viewer {
       this.invalidate();
       this.settle();
     });
-    const canvas = drawsInWorkers() ? this.canvas.transferControlToOffscreen() : this.canvas;
-    this.remote = new Remote(canvas, this.hear);
     this.canvas.addEventListener('keydown', this.key);
     this.sizes = new ResizeObserver(() => {
       this.resize();
@@ -140,7 +139,7 @@ export class Viewer {
 
   /** Return the picture as PNG. */
   picture(): Promise<Blob> {
-    return this.remote.picture(this.whole(), 'image/png');
+    return this.remote.picture(this.whole());
   }
 
   dispose(): void {
@@ -149,8 +148,17 @@ export class Viewer {
     this.sizes.disconnect();
     this.sharpness?.removeEventListener('change', this.sharpen);
     this.camera.dispose();
-    this.remote.close();
+    this.canvas.removeEventListener('keydown', this.key);
+    giveBack(this.easel, this.state === 'ready');
     this.element.remove();
+  }
+
+  private get canvas(): HTMLCanvasElement {
+    return this.easel.canvas;
+  }
+
+  private get remote(): Remote {
+    return this.easel.remote;
   }
 
   private put(change: Partial<typeof PLAIN>): void {

@@ -15,6 +15,8 @@ export interface Context {
   readonly thumbnails: Thumbnails;
   /** Go to another view; where one `stays`, the view that is shown has this address from now on. */
   go(route: Route, stays?: boolean): void;
+  /** Somebody is about to choose files, or does so no more. */
+  choosing(begun: boolean): void;
   /** Show a file that was dropped or chosen, or several. */
   files(files: readonly File[]): void;
   /** Say something for a moment. */
@@ -32,5 +34,7 @@ export interface View {
   render(): TemplateResult;
   /** A key that nobody nearer took; returns whether it was taken. */
   key?(event: KeyboardEvent): boolean;
+  /** Rest while somebody chooses files: what comes next shall not wait for what they leave. */
+  choosing?(begun: boolean): void;
   close(): void;
 }

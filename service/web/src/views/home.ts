@@ -6,7 +6,7 @@ import { PLAIN } from '../core/route';
 import { dropZone } from '../ui/dropzone';
 import { idle, painted } from '../ui/painted';
 import { reducedMotion } from '../ui/theme';
-import { warm } from '../viewer/remote';
+import { warm } from '../viewer/easels';
 import type { Context, View } from './context';
 import type { Stage } from './stage';
 import { upOf } from './up';
@@ -24,6 +24,8 @@ export class HomeView implements View {
   private readonly deaf: () => void;
   private loading = false;
   private closed = false;
+  private choice = false; // somebody is choosing a file
+  private resting = false; // it played until somebody began to choose a file
   private building: string | null = null;
 
   constructor(private readonly context: Context) {
@@ -51,8 +53,18 @@ export class HomeView implements View {
     </div>`;
   }
 
+  choosing(begun: boolean): void {
+    this.context.thumbnails.hold = this.choice = begun;
+    if (!begun && !this.stage) void this.load();
+    if (begun ? this.stage?.player.playing : this.resting) {
+      this.stage?.toggle();
+      this.resting = begun;
+    }
+  }
+
   close(): void {
     this.closed = true;
+    this.context.thumbnails.hold = false;
     this.deaf();
     this.stage?.close();
   }
@@ -108,7 +120,7 @@ export class HomeView implements View {
       const mesh = await this.context.api.sample(sample);
       const own = `${sample}.ply`;
       const name = mesh.name === own ? null : own; // the service keeps the first name of the same bytes
-      if (!this.closed) this.context.go({ view: 'mesh', mesh: mesh.id, up: 'z', name });
+      this.context.go({ view: 'mesh', mesh: mesh.id, up: 'z', name });
     } catch (thrown) {
       this.context.toast(asProblem(thrown).detail, 'bad');
     }
@@ -170,7 +182,7 @@ export class HomeView implements View {
     await painted();
     await idle();
     if (this.isClosed()) return;
-    warm();
+    warm(roomOf(document.querySelector('main')));
     await import('./mesh').catch(() => undefined); // if it fails it is said when it is wanted
   }
 
@@ -200,7 +212,7 @@ export class HomeView implements View {
     const star =
       this.gallery.find((job) => job.done && job.name === 'quadruped') ??
       this.gallery.find((job) => job.done);
-    if (star && !this.stage) void this.play(star);
+    if (star && !this.stage && !this.choice) void this.play(star);
     this.context.refresh();
   }
 
@@ -210,10 +222,10 @@ export class HomeView implements View {
 
   private async play(job: Job): Promise<void> {
     await painted(); // the words come first
-    const { Stage } = await import('./stage');
-    if (this.isClosed() || this.stage) return;
+    const code = await import('./stage').catch(() => null); // tried again with the next news of the list
+    if (code === null || this.isClosed() || this.stage || this.choice) return;
     const camera = { azimuth: 0.75, elevation: 0.25, distance: 2.9, target: [0, 0, 0] as const };
-    const stage = new Stage(this.context, job.id, 0, { ...PLAIN, up: upOf(job), camera }, true);
+    const stage = new code.Stage(this.context, job.id, 0, { ...PLAIN, up: upOf(job), camera }, true);
     stage.player.loop = true;
     stage.onChange(() => {
       this.context.refresh();
@@ -221,10 +233,19 @@ export class HomeView implements View {
     const begin = stage.onChange(() => {
       if (stage.triangles === 0) return;
       begin();
-      if (!reducedMotion()) stage.toggle();
+      if (reducedMotion()) return;
+      if (this.choice) this.resting = true;
+      else stage.toggle();
     });
     this.stage = stage;
   }
+}
+
+/** Return the size that the picture of a mesh will have beside its panel. */
+function roomOf(main: HTMLElement | null): { width: number; height: number } {
+  const { clientWidth, clientHeight } = main ?? document.body;
+  const panel = parseFloat(getComputedStyle(main ?? document.body).getPropertyValue('--panel')) || 0;
+  return { width: Math.max(clientWidth - panel, 1), height: Math.max(clientHeight, 1) };
 }
 
 /** Make a heading of a file's name. */

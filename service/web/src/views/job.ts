@@ -1,6 +1,7 @@
 import { html, nothing, type TemplateResult } from 'lit-html';
 import { repeat } from 'lit-html/directives/repeat.js';
 import type { JobRequest } from '../api/client';
+import { asProblem } from '../api/problem';
 import type { Job } from '../api/types';
 import { ago } from '../core/format';
 import { formatRoute, type Look, type Route, type Shown } from '../core/route';
@@ -244,7 +245,13 @@ export class JobView implements View {
   }
 
   private async picture(): Promise<void> {
-    const blob = await this.stage.viewer.picture();
+    let blob: Blob;
+    try {
+      blob = await this.stage.viewer.picture();
+    } catch (thrown) {
+      this.context.toast(asProblem(thrown).detail, 'bad');
+      return;
+    }
     const link = document.createElement('a');
     link.href = URL.createObjectURL(blob);
     link.download = `${this.title}_it${String(Math.round(this.stage.at)).padStart(5, '0')}.png`;

@@ -32,6 +32,7 @@ export class JobList extends Emitter {
   filter(status: JobStatus | null, tag: string | null): void {
     [this.status, this.tag, this.shown] = [status, tag, SLICE];
     this.loaded = false;
+    this.changed();
     void this.load();
   }
 
@@ -46,9 +47,10 @@ export class JobList extends Emitter {
     clearTimeout(this.timer);
     const asked = ++this.asked;
     try {
-      const jobs = await this.fetch();
+      const { jobs, more } = await this.fetch();
       if (asked !== this.asked) return;
       this.jobs = jobs;
+      this.more = more;
       this.problem = null;
       this.loaded = true;
     } catch (thrown) {
@@ -64,7 +66,7 @@ export class JobList extends Emitter {
     this.timer = setTimeout(() => void this.load(), wait);
   }
 
-  private async fetch(): Promise<readonly Job[]> {
+  private async fetch(): Promise<{ jobs: readonly Job[]; more: boolean }> {
     const filter: JobFilter = {
       ...(this.status === null ? {} : { status: this.status }),
       ...(this.tag === null ? {} : { tag: this.tag }),
@@ -75,7 +77,6 @@ export class JobList extends Emitter {
       page = await this.api.jobs({ ...filter, cursor: page.next_cursor }, SLICE);
       jobs.push(...page.items);
     }
-    this.more = page.next_cursor !== null;
-    return jobs;
+    return { jobs, more: page.next_cursor !== null };
   }
 }

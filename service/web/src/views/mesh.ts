@@ -37,7 +37,9 @@ export class MeshView implements View {
     private readonly given: Up | null = null,
     private called: string | null = null,
   ) {
+    context.thumbnails.hold = true; // until what one looks at is drawn
     this.viewer.onState = () => {
+      if (this.viewer.shown || this.viewer.state === 'unsupported') context.thumbnails.hold = false;
       this.context.refresh();
     };
     if (source instanceof File) {
@@ -57,18 +59,7 @@ export class MeshView implements View {
     return html`<div class="work">
       <div class="stage">
         ${this.viewer.element} ${over(this.notes())}
-        <div class="corner">
-          <button
-            class="tool"
-            title="Turn upright (U)"
-            aria-label="Turn upright"
-            @click=${() => {
-              this.setUp(this.up === 'y' ? 'z' : 'y');
-            }}
-          >
-            ${icon('upright')}
-          </button>
-        </div>
+        ${this.noPreview && !this.shown ? nothing : this.corner()}
       </div>
       <aside class="panel" aria-label="Mesh">${this.panel()}</aside>
     </div>`;
@@ -82,11 +73,27 @@ export class MeshView implements View {
 
   close(): void {
     this.closed = true;
+    this.context.thumbnails.hold = false;
     this.viewer.dispose();
   }
 
   private get name(): string {
     return this.called ?? this.mesh?.name ?? (this.source instanceof File ? this.source.name : '');
+  }
+
+  private corner(): TemplateResult {
+    return html`<div class="corner">
+      <button
+        class="tool"
+        title="Turn upright (U)"
+        aria-label="Turn upright"
+        @click=${() => {
+          this.setUp(this.up === 'y' ? 'z' : 'y');
+        }}
+      >
+        ${icon('upright')}
+      </button>
+    </div>`;
   }
 
   private panel(): TemplateResult {
@@ -150,13 +157,15 @@ export class MeshView implements View {
   private async look(file: File): Promise<void> {
     try {
       const data = await file.arrayBuffer();
+      if (this.isClosed()) return;
       const preview = await this.context.worker.ask('preview', { data, name: file.name }, [data]);
       if (this.isClosed() || this.shown) return; // what the service has may have been quicker
       this.show(preview);
       await this.mark();
     } catch {
+      if (this.isClosed()) return;
       this.noPreview = true; // the service will say more
-      if (!this.mesh) this.viewer.expect(false);
+      if (!this.mesh) this.expectNothing();
     }
     this.context.refresh();
   }
@@ -172,6 +181,7 @@ export class MeshView implements View {
         this.context.refresh();
       });
     } catch (thrown) {
+      if (this.isClosed()) return;
       this.problem = asProblem(thrown);
       this.context.refresh();
       await this.mark();
@@ -221,8 +231,9 @@ export class MeshView implements View {
       void this.context.worker.ask('forget', { key: path });
       if (!this.isClosed()) this.show(drawable);
     } catch (thrown) {
+      if (this.isClosed()) return;
       this.problem = asProblem(thrown);
-      this.viewer.expect(false);
+      this.expectNothing();
     }
     this.context.refresh();
   }
@@ -250,6 +261,12 @@ export class MeshView implements View {
     const places = problem.defects.flatMap((defect) => defect.locations ?? []);
     const faults = await this.context.worker.ask('faults', {});
     if (!this.isClosed() && this.problem === problem) this.viewer.mark(faults, places); // not if it is sent again
+  }
+
+  /** There will be no picture, for the time being. */
+  private expectNothing(): void {
+    this.viewer.expect(false);
+    this.context.thumbnails.hold = false;
   }
 
   private isClosed(): boolean {

@@ -29,15 +29,18 @@ export class Rail {
   /** What Tab leads to: a cell, and the run whose it was. */
   private stop: Cell & { readonly job: string } = { job: '', row: 0, column: 0 };
 
+  /** The runs that are open. */
+  private open: readonly string[] = [];
+
   constructor(private readonly context: Context) {}
 
   render(route: Route): TemplateResult {
     const { jobs } = this.context;
-    const open = shownBy(route);
+    this.open = shownBy(route);
     return html`${filters(jobs)}
     ${jobs.problem && !jobs.problem.unreachable ? html`<p class="fault">${jobs.problem.detail}</p>` : nothing}
     ${jobs.loaded && jobs.jobs.length === 0 ? empty(jobs) : nothing}
-    ${jobs.loaded || jobs.jobs.length > 0 ? this.grid(jobs.jobs, open) : ghosts()}
+    ${jobs.loaded || jobs.jobs.length > 0 ? this.grid(jobs) : ghosts()}
     ${
       jobs.more
         ? html`<button
@@ -61,13 +64,14 @@ export class Rail {
     (next ?? document.querySelector<HTMLElement>('.rail select'))?.focus();
   }
 
-  private grid(jobs: readonly Job[], open: readonly string[]): TemplateResult | typeof nothing {
+  private grid({ jobs, loaded }: JobList): TemplateResult | typeof nothing {
     if (jobs.length === 0) return nothing;
-    const stop = this.stopIn(jobs, open);
+    const stop = this.stopIn(jobs);
     return html`<div
       class="runs"
       role="grid"
       aria-label="Runs, the newest first"
+      aria-busy=${loaded ? 'false' : 'true'}
       @keydown=${this.key}
       @focusin=${(event: FocusEvent) => {
         this.stand(event.target as HTMLElement, jobs);
@@ -76,28 +80,29 @@ export class Rail {
       ${repeat(
         jobs,
         (job) => job.id,
-        (job, row) => this.row(job, open.includes(job.id), row === stop.row ? stop.column : null),
+        (job, row) => this.row(job, row === stop.row ? stop.column : null),
       )}
     </div>`;
   }
 
   /** One run; `stop` is the cell that Tab leads to, null if it is another run's. */
-  private row(job: Job, open: boolean, stop: number | null): TemplateResult {
-    const cells = [entry(this.context, job, open), ...deeds(this.context, job, open)];
+  private row(job: Job, stop: number | null): TemplateResult {
+    const open = (): boolean => this.open.includes(job.id);
+    const cells = [entry(this.context, job, open()), ...deeds(this.context, job, open)];
     const at = Math.min(stop ?? -1, cells.length - 1);
     const [first, ...rest] = cells.map((cell, i) => cell(i === at ? 0 : -1));
     return html`<div role="row">${first}<span class="deeds" role="presentation">${rest}</span></div>`;
   }
 
   /** The cell that Tab leads to: where it last was, or in its place, or the run that is open, or the first. */
-  private stopIn(jobs: readonly Job[], open: readonly string[]): Cell {
+  private stopIn(jobs: readonly Job[]): Cell {
     const { job, row, column } = this.stop;
     const place = jobs.findIndex(({ id }) => id === job);
     if (place >= 0) return { row: place, column };
     if (job !== '') return { row: Math.min(row, jobs.length - 1), column: 0 };
     return {
       row: Math.max(
-        jobs.findIndex(({ id }) => open.includes(id)),
+        jobs.findIndex(({ id }) => this.open.includes(id)),
         0,
       ),
       column: 0,
@@ -206,8 +211,8 @@ function entry(context: Context, job: Job, open: boolean): Pressed {
     </div>`;
 }
 
-/** What can be done with a run without opening it. */
-function deeds(context: Context, job: Job, open: boolean): Pressed[] {
+/** What can be done with a run without opening it; `open` tells whether it is open at the time. */
+function deeds(context: Context, job: Job, open: () => boolean): Pressed[] {
   const { api } = context;
   const button =
     (name: IconName, words: string, act: () => Promise<unknown>): Pressed =>
@@ -237,7 +242,7 @@ function deeds(context: Context, job: Job, open: boolean): Pressed[] {
     >`;
   const cancel = button('stop', 'Cancel', () => attempt(context, () => api.cancel(job.id)));
   const drop = button('trash', 'Delete', async () => {
-    if ((await remove(context, job)) && open) context.go({ view: 'home' });
+    if ((await remove(context, job)) && open()) context.go({ view: 'home' });
   });
   return [
     ...(cancellable(job) ? [cancel] : []),

@@ -5,22 +5,16 @@ import { Shelf } from '../core/shelf';
 import { storage } from '../core/storage';
 import type { MeshWorker } from '../mesh/pool';
 import { idle, painted } from '../ui/painted';
-import { drawsInWorkers, Remote } from '../viewer/remote';
+import { warm } from '../viewer/easels';
+import { sketch } from '../viewer/remote';
 
 const SIZE = 192;
 const FROM: CameraView = { azimuth: 0.65, elevation: 0.38, distance: 3.3, target: [0, 0, 0] };
-const ALONE = {
-  size: { width: SIZE, height: SIZE, ratio: 1 },
-  states: null,
-  colours: null,
-  wire: false,
-  facets: false,
-};
 const MOST = 150; // some 4 kB each
 const NAME = 'spherify thumbnails 2'; // another number where they are drawn another way
 const NEVER_OLD = new Set(['initial', 'final']); // what is asked for of finished jobs alone, or never changes
 
-/** Small pictures of states of jobs, drawn one after another on a canvas nobody sees, and kept by the browser. */
+/** Small pictures of states of jobs, drawn one after another where there is time, and kept by the browser. */
 export class Thumbnails extends Emitter {
   private readonly pictures = new Map<string, string | null>();
   private readonly shelf = new Shelf(storage(), NAME, MOST);
@@ -29,7 +23,6 @@ export class Thumbnails extends Emitter {
   private working = false;
   private awaited: (() => void) | null = null;
   private held = false;
-  private remote: Remote | null = null;
 
   constructor(private readonly worker: MeshWorker) {
     super();
@@ -48,7 +41,7 @@ export class Thumbnails extends Emitter {
     return null;
   }
 
-  /** Let them wait while something moves that is looked at: reading a picture back holds the page up. */
+  /** Let them wait while something moves that is looked at, or is waited for: they are drawn by the same hand. */
   set hold(held: boolean) {
     this.held = held;
     if (!held) this.awaited?.();
@@ -57,19 +50,24 @@ export class Thumbnails extends Emitter {
   private async work(): Promise<void> {
     this.working = true;
     await painted();
-    await idle(); // what the visitor looks at comes first
     for (let next = this.next(); next; next = this.next()) {
-      if (this.held)
-        await new Promise<void>((resolve) => {
-          this.awaited = resolve;
-        });
+      await this.turn();
       try {
         await next();
       } catch {
         // a picture less: its job may have been deleted meanwhile, and its place stays empty
       }
     }
-    this.working = false; // its canvas stays: making one takes as long as twenty pictures
+    this.working = false;
+  }
+
+  /** Wait until there is time: what the visitor looks at comes first. */
+  private async turn(): Promise<void> {
+    await idle();
+    while (this.held)
+      await new Promise<void>((resolve) => {
+        this.awaited = resolve;
+      });
   }
 
   private next(): (() => Promise<void>) | undefined {
@@ -84,26 +82,13 @@ export class Thumbnails extends Emitter {
       positions: `/v1/jobs/${job}/snapshots/${which}/positions?dtype=f32`,
     });
     void this.worker.ask('forget', { key: name });
-    this.remote ??= new Remote(drawsInWorkers() ? new OffscreenCanvas(SIZE, SIZE) : square());
-    const { index, frame, bounds } = drawable;
-    this.remote.send({ ask: 'load', index, key: 'first', frame, bounds }, [
-      index.buffer,
-      frame.positions.buffer,
-      frame.normals.buffer,
-    ]);
-    const scene = { ...ALONE, pose: poseOf(FROM, up, 1) };
-    const picture = await address(await this.remote.picture(scene, 'image/webp'));
+    await this.turn();
+    warm({ width: SIZE, height: SIZE });
+    const picture = await address(await sketch(drawable, poseOf(FROM, up, 1), SIZE));
     this.pictures.set(key, picture);
     if (NEVER_OLD.has(which)) this.shelf.put(key, picture);
     this.changed();
   }
-}
-
-/** A canvas of the page's own, for browsers that draw nowhere else. */
-function square(): HTMLCanvasElement {
-  const canvas = document.createElement('canvas');
-  [canvas.width, canvas.height] = [SIZE, SIZE];
-  return canvas;
 }
 
 /** The picture itself as an address, which outlives the page. */
