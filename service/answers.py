@@ -80,8 +80,8 @@ def _body_is_coming(request: Request) -> bool:
 
 async def _ours(request: Request, error: Exception) -> Response:
     problem = problem_of(error)
-    if problem is None:
-        raise error
+    if problem is None or problem.type.is_failure:
+        raise error  # to the guard, which logs it
     return problem_answer(request, problem)
 
 

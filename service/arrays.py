@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import gzip
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
-from typing import BinaryIO, Final
+from typing import Any, BinaryIO, Final
 
 from starlette.requests import Request
 from starlette.responses import Response
@@ -17,6 +17,7 @@ from spherify.formats.viewer import PositionType, positions_bytes, scalars_bytes
 from spherify.geometry.fields import FieldName, vertex_field
 from spherify.geometry.mesh import TriangleMesh
 from spherify.jobs import layout
+from spherify.jobs.errors import DamagedBlobError
 from spherify.jobs.model import Snapshot
 from spherify.jobs.ports import BlobStore
 from spherify.stores.arrays import load_arrays
@@ -43,13 +44,29 @@ class State:
         start = load_mesh(blobs, self.mesh_id)
         if self.snapshot is None:
             return start, start
-        return start, start.with_vertices(load_arrays(blobs.read(self.snapshot.key))["vertices"])
+        return start, start.with_vertices(_snapshot_arrays(blobs, self.snapshot)["vertices"])
 
 
 def load_mesh(blobs: BlobStore, mesh_id: str) -> TriangleMesh:
     """Return an accepted mesh."""
-    arrays = load_arrays(blobs.read(layout.mesh_arrays(mesh_id)))
+    arrays = _mesh_arrays(blobs, mesh_id)
     return TriangleMesh.checked(arrays["vertices"], arrays["faces"])
+
+
+def _mesh_arrays(blobs: BlobStore, mesh_id: str) -> Mapping[str, Any]:
+    try:
+        return load_arrays(blobs.read(layout.mesh_arrays(mesh_id)))
+    except DamagedBlobError as e:
+        cure = "delete it, and before it the jobs that name it, and upload it again"
+        raise DamagedBlobError(f"the stored mesh {mesh_id} is damaged: {cure}") from e
+
+
+def _snapshot_arrays(blobs: BlobStore, snapshot: Snapshot) -> Mapping[str, Any]:
+    try:
+        return load_arrays(blobs.read(snapshot.key))
+    except DamagedBlobError as e:
+        which = f"the snapshot of iteration {snapshot.iteration} of {layout.job_of(snapshot.key)}"
+        raise DamagedBlobError(f"{which} is damaged: delete the job and send it again") from e
 
 
 async def topology(request: Request, services: Services, mesh_id: str, cache_control: str) -> Response:
@@ -57,7 +74,7 @@ async def topology(request: Request, services: Services, mesh_id: str, cache_con
     blobs = services.stores.blobs
 
     def build() -> bytes:
-        return topology_bytes(load_arrays(blobs.read(layout.mesh_arrays(mesh_id)))["faces"])
+        return topology_bytes(_mesh_arrays(blobs, mesh_id)["faces"])
 
     return await _answer(request, services, ("topology", mesh_id), build, cache_control)
 

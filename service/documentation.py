@@ -14,6 +14,7 @@ from spherify.parameters import parameters_schema
 Responses = dict[int | str, dict[str, Any]]
 EVERYWHERE: Final = ("internal-error",)
 STORES: Final = ("not-ready",)
+FILES: Final = ("stored-file-damaged",)
 REPEATS: Final = ("idempotency-in-progress", "idempotency-key-reused")
 UPLOAD: Final = (
     "digest-mismatch",

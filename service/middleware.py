@@ -113,8 +113,9 @@ class ErrorGuard:
                 raise  # the status is out: the connection must break, or half an answer passes for a whole one
             problem = problem_of(e)
             if problem is None:
-                error_log.exception("a request failed")
                 problem = ProblemError("internal-error", "the request could not be completed")
+            if problem.type.is_failure:
+                error_log.exception("a request failed")
             await problem_answer(Request(scope), problem)(scope, receive, send)
 
 

@@ -25,6 +25,11 @@ class ProblemType:
         return self.status < 500
 
     @property
+    def is_failure(self) -> bool:
+        """Whether the service is at fault, so that its operator has to look."""
+        return self.status == 500
+
+    @property
     def uri(self) -> str:
         """The problem's `type`: where it is documented, relative to the service."""
         return f"/problems/{self.slug}"
@@ -224,6 +229,14 @@ PROBLEMS: Final[dict[str, ProblemType]] = {
             500,
             "The service failed",
             "This is a fault of ours. Please report it with the `request_id`.",
+        ),
+        ProblemType(
+            "stored-file-damaged",
+            500,
+            "A stored file is damaged",
+            "What is on the service's disk is not what was written there; `detail` names it. Of a job: delete the job "
+            "and send it again, for the same mesh and parameters give the same bytes. Of a mesh: delete it, and before "
+            "it the jobs that name it, and upload it again.",
         ),
         ProblemType(
             "not-ready",

@@ -17,6 +17,7 @@ from spherify.formats import MeshRefusedError
 from spherify.geometry.errors import InvalidConfigError
 from spherify.jobs.errors import (
     BlobNotFoundError,
+    DamagedBlobError,
     InvalidCursorError,
     JobCannotGoOnError,
     JobGoneError,
@@ -139,6 +140,7 @@ _DOMAIN: Final[tuple[tuple[type[Exception], str], ...]] = (
     (RequestInProgressError, "idempotency-in-progress"),
     (StoreUnavailableError, "not-ready"),
     (StorageFullError, "storage-full"),
+    (DamagedBlobError, "stored-file-damaged"),
 )
 _STATUS: Final = {
     400: "malformed-request",

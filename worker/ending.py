@@ -11,9 +11,11 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Final, TypeVar
 
+from spherify.jobs import layout
 from spherify.jobs.errors import JobsError, StorageFullError, StoreUnavailableError
+from spherify.jobs.finish import conclude, finish
 from spherify.jobs.model import JobError, JobStatus, Outcome, Progress
-from spherify.jobs.ports import BlobStore, JobQueue, JobStore, Renewal
+from spherify.jobs.ports import BlobStore, JobQueue, JobStore, Renewal, Trail
 from spherify.jobs.results import Result, publish_result, write_result
 from spherify.jobs.settle import settle
 from worker.outbox import Outbox
@@ -45,7 +47,8 @@ class Ending:
 
         Without a progress, that of the last state: the runner did not tell its end itself, but was told of.
         """
-        whole = progress is not None
+        if self._blobs.stat(layout.cancel(self._job_id)) is not None:  # the record may be an older copy
+            self._insist(lambda: self._jobs.request_cancel(self._job_id))
         sealed = self._insist(lambda: self._jobs.seal(self._job_id, self._token))
         if sealed is None or sealed is Renewal.FENCED:
             self.say(logging.WARNING, "fenced", "it ended, but the job is not ours any more")
@@ -55,32 +58,42 @@ class Ending:
             outcome = Outcome(
                 JobStatus.CANCELLED, stop_reason="cancelled", best_iteration=outcome.best_iteration
             )
-        job = self._insist(lambda: self._jobs.get(self._job_id))
-        progress = progress or self.outbox.reached(None if job is None else job.progress)
-        mine = Result(
-            self._job_id,
-            self._token,
-            outcome,
-            progress,
-            self.outbox.snapshots,
-            self.outbox.rows,
-            started_at=None if job is None else job.started_at,
-            attempt=0 if job is None else job.attempt,
-            losses=0 if job is None else job.losses,
-            whole=whole,
-        )
+        mine = self._result(outcome, progress)
+        outcome = mine.outcome
         try:
             result = write_result(self._blobs, mine)
         except StorageFullError as e:  # the record alone must say it
             error = JobError("storage-full", f"{e}: delete jobs that are no longer needed")
-            outcome = replace(outcome, status=JobStatus.FAILED, error=error)
+            if outcome.status is not JobStatus.CANCELLED:
+                outcome = replace(outcome, status=JobStatus.FAILED, error=error)
         else:
             if result is not mine:
                 self.adopt(result)
                 return
-        self.outbox.send_end(progress)
+        self.outbox.send_end(mine.progress)
         if self._insist(lambda: self._jobs.commit(self._job_id, self._token, outcome, mine.kept)):
             self._committed(outcome)
+
+    def _result(self, outcome: Outcome, progress: Progress | None) -> Result:
+        """Put together what the runner told and, if it did not tell its end itself, what the record knows besides."""
+        job = self._insist(lambda: self._jobs.get(self._job_id))
+        snapshots, rows = self.outbox.snapshots, self.outbox.rows
+        if job is not None and progress is None:  # it may not even have come to name what it went on from
+            snapshots = job.snapshots
+            rows = tuple(self._insist(lambda: self._jobs.metrics(self._job_id)) or rows)
+            outcome = replace(outcome, best_iteration=Trail(snapshots).best)
+        return Result(
+            self._job_id,
+            self._token,
+            outcome,
+            progress or self.outbox.reached(None if job is None else job.progress),
+            snapshots,
+            rows,
+            started_at=None if job is None else job.started_at,
+            attempt=0 if job is None else job.attempt,
+            losses=0 if job is None else job.losses,
+            whole=progress is not None,
+        )
 
     def adopt(self, result: Result) -> None:
         """Tell the record of an end that another attempt wrote and did not live to tell."""
@@ -98,31 +111,41 @@ class Ending:
 
         Also when it is another's: our runner may have slept through the end of the job, and written since.
         """
-        try:
-            settle(self._jobs, self._blobs, self._job_id)
-        except JobsError as e:
-            self.say(logging.WARNING, "settle", f"not settled: {e}")
+        self._try("settle", lambda: settle(self._jobs, self._blobs, self._job_id))
 
     def hand_on(self, *, ahead: bool = True) -> None:
         """Let another worker go on, and count no loss.
 
         Ahead of what has not begun, unless the job may come back as fast: it is not to keep the others waiting.
         """
-        if self._insist(lambda: self._jobs.release(self._job_id, self._token)):
+        waits = self._insist(lambda: self._jobs.release(self._job_id, self._token))
+        if waits:
             self.say(logging.INFO, "hand-on", "left where it stands, for another worker")
-            self._send(ahead=ahead)
+        self._pass_on(waits, ahead=ahead)
 
     def lose(self, why: str) -> None:
         """Give the job up, and count a loss."""
         self.say(logging.WARNING, "lose", why)
-        if self._insist(lambda: self._jobs.lose(self._job_id, self._token)):
-            self._send(ahead=True)
+        self._pass_on(self._insist(lambda: self._jobs.lose(self._job_id, self._token)), ahead=True)
 
-    def _send(self, *, ahead: bool) -> None:
+    def conclude(self) -> None:
+        """End a job that was claimed for nothing else."""
+        self._try("conclude", lambda: conclude(self._jobs, self._blobs, self._job_id, self._token))
+        self.settle()
+
+    def _pass_on(self, waits: bool | None, *, ahead: bool) -> None:
+        """Send a job that waits again, and end one that does not, if it is nobody else's; None is not known."""
+        if waits:
+            self._try("send", lambda: self._queue.send(self._job_id, ahead=ahead))
+        elif waits is not None:
+            self._try("finish", lambda: finish(self._jobs, self._blobs, self._job_id))
+            self.settle()
+
+    def _try(self, action: str, do: Callable[[], object]) -> None:
         try:
-            self._queue.send(self._job_id, ahead=ahead)
-        except StoreUnavailableError:
-            self.say(logging.WARNING, "send", "not sent: the reconciler will")
+            do()
+        except JobsError as e:
+            self.say(logging.WARNING, action, f"not done, the reconciler will: {e}")
 
     def _insist(self, write: Callable[[], T]) -> T | None:
         """Write to the record, for a while even if the server does not answer; None if it never did."""

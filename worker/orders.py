@@ -2,7 +2,7 @@
 
 order      everything the runner needs to know
 ready      pid: signals are heard from now on
-anew       what stays of all that earlier attempts told, where their states cannot be gone on from
+anew       what stays of all that earlier attempts told, where states that they left are of another run
 snapshot   a file is durable
 report     progress, and rows since the last report
 end        the outcome; everything is durable

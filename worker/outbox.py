@@ -30,7 +30,11 @@ class Outbox:
     def take_in(self, event: Mapping[str, Any]) -> None:
         """Remember the content of a ``snapshot``, ``report`` or ``anew``."""
         if event["event"] == "anew":
-            self._unsent_kept = Kept(frozenset(event["snapshots"]), frozenset(event["rows"]))
+            # The others are of an earlier attempt: known until they are made again, and not by the end if they are not.
+            others = [load_snapshot(other) for other in event["others"]]
+            stay = {*event["snapshots"], *(other.iteration for other in others)}
+            self._unsent_kept = Kept(frozenset(stay), frozenset(event["rows"]))
+            self._unsent_snapshots += others
         elif event["event"] == "snapshot":
             snapshot = load_snapshot(event["snapshot"])
             self._snapshots[snapshot.iteration] = snapshot

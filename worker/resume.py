@@ -13,8 +13,17 @@ from spherify.geometry.schedule import SnapshotPlan
 from spherify.jobs import layout
 from spherify.jobs.model import Snapshot
 from spherify.jobs.ports import BlobStat, BlobStore
-from spherify.jobs.rows import BEST, ROWS, Row, rows_to_list
-from spherify.stores.states import load_state, row_of, run_of, snapshot_record
+from spherify.jobs.rows import BEST, Row
+from spherify.stores.states import (
+    FINGERPRINT,
+    glances,
+    load_state,
+    row_of,
+    rows_in,
+    run_of,
+    snapshot_record,
+    trail_of,
+)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -24,16 +33,18 @@ class Resumption:
     Attributes:
         arrays: the state to go on from; None to begin.
         snapshots: the planned snapshots up to that state, all intact, ascending.
+        passed: the runs, by `run_of`, of the states that were looked at before; the one gone on with may be among them.
 
     """
 
-    arrays: Mapping[str, NDArray[Any]] | None
-    snapshots: tuple[Snapshot, ...]
+    arrays: Mapping[str, NDArray[Any]] | None = None
+    snapshots: tuple[Snapshot, ...] = ()
+    passed: frozenset[bytes] = frozenset()
 
     @property
     def rows(self) -> list[Row]:
         """The time series up to that state."""
-        return [] if self.arrays is None or ROWS not in self.arrays else rows_to_list(self.arrays[ROWS])
+        return [] if self.arrays is None else rows_in(self.arrays)
 
 
 def find_resumption(
@@ -56,20 +67,33 @@ def find_resumption(
     for iteration, stats in public.items():
         states[iteration] += stats
     kept: dict[bytes, tuple[list[Snapshot], float]] = {}
+    passed: set[bytes] = set()
     for iteration in sorted(states, reverse=True):
         for stat in _newest_first(states[iteration]):
             loaded = load_state(blobs, stat)
-            if loaded is None or BEST not in loaded[1]:  # a best state kept in hindsight leads nowhere
-                continue
+            if loaded is None or not loaded[1].keys() & {BEST, FINGERPRINT}:
+                continue  # a best state kept in hindsight leads nowhere, and says not whose it is
             run = run_of(loaded[1])
-            if run in foreign:
+            passed.add(run)
+            if run in foreign or BEST not in loaded[1] or not rows_in(loaded[1]):
                 continue
             if run not in kept:
                 kept[run] = _planned(blobs, plan, public, run)
             snapshots, gap = kept[run]
             if iteration < gap:
-                return Resumption(loaded[1], tuple(s for s in snapshots if s.iteration <= iteration))
-    return Resumption(None, ())
+                taken = tuple(s for s in snapshots if s.iteration <= iteration)
+                return Resumption(loaded[1], taken, frozenset(passed))
+    return Resumption(passed=frozenset(passed))
+
+
+def others_of_run(blobs: BlobStore, job_id: str, found: Resumption, run: bytes) -> tuple[Snapshot, ...]:
+    """Return the further snapshots of the present run, most of them beyond one that is missing or damaged.
+
+    They are made again, to the same bytes, and may be served until then.
+    """
+    named = {snapshot.iteration for snapshot in found.snapshots}
+    states = [glance for glance in glances(blobs, job_id) if glance.run == run]
+    return tuple(s for s in trail_of(blobs, states).snapshots if s.iteration not in named)
 
 
 def _planned(
@@ -88,9 +112,9 @@ def _planned(
 def _intact_snapshot(blobs: BlobStore, iteration: int, stats: list[BlobStat], run: bytes) -> Snapshot | None:
     for stat in _newest_first(stats):
         loaded = load_state(blobs, stat)
-        if loaded is None or ROWS not in loaded[1] or run_of(loaded[1]) != run:
+        if loaded is None or run_of(loaded[1]) != run:
             continue
-        row = row_of(rows_to_list(loaded[1][ROWS]), iteration)
+        row = row_of(rows_in(loaded[1]), iteration)
         if row is not None:
             return snapshot_record(iteration, stat, loaded[0], row)
     return None
@@ -98,7 +122,7 @@ def _intact_snapshot(blobs: BlobStore, iteration: int, stats: list[BlobStat], ru
 
 def _by_iteration(blobs: BlobStore, prefix: str) -> dict[int, list[BlobStat]]:
     found: dict[int, list[BlobStat]] = defaultdict(list)
-    for stat in blobs.list(prefix):
+    for stat in layout.numbered_only(blobs.list(prefix)):
         found[layout.numbers(stat.key)[1]].append(stat)
     return found
 

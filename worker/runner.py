@@ -14,11 +14,13 @@ import signal
 import sys
 import threading
 import traceback
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from types import FrameType
-from typing import BinaryIO, Final, NoReturn
+from typing import Any, BinaryIO, Final, NoReturn
+
+from numpy.typing import NDArray
 
 from spherify.geometry.errors import GeometryError, InvalidCheckpointError
 from spherify.geometry.flow import engine_for
@@ -33,18 +35,18 @@ from spherify.jobs.errors import (
     StorageFullError,
     StoreUnavailableError,
 )
-from spherify.jobs.model import JobSpec, Progress, Snapshot
+from spherify.jobs.model import JobSpec, Progress
 from spherify.jobs.outcome import internal_error, outcome_of
 from spherify.jobs.ports import BlobStore
 from spherify.jobs.rows import Row
 from spherify.jobs.run import Kept, RunEnd, Stop, run
 from spherify.parameters import stored_parameters
-from spherify.stores.arrays import dump_arrays, load_arrays
+from spherify.stores.arrays import checksum_of, dump_arrays, load_arrays
 from spherify.stores.files import open_blobs
-from spherify.stores.states import run_of, snapshot_record
+from spherify.stores.states import rows_in, run_of, snapshot_record
 from spherify.stores.tether import die_with_parent
 from worker.orders import CANCEL_SIGNAL, HAND_ON_SIGNAL, Order, event_line
-from worker.resume import find_resumption
+from worker.resume import Resumption, find_resumption, others_of_run
 
 _PATIENCE_S: Final = (
     60.0  # with a store that does not answer: the lease is renewed meanwhile, and work is not lost
@@ -56,25 +58,25 @@ class PipeSink:
     """A `spherify.jobs.run.Sink`: files into the blob store, then their names up the pipe.
 
     Attributes:
-        earlier: snapshots of earlier attempts that this one goes on from; told before anything of its own.
-        anew: what stays of all that earlier attempts told, where some were of a run that nobody can go on with;
-            told before that.
+        found: what this attempt goes on from; its snapshots are told before anything of its own. Where some that
+            earlier attempts left is of another run, what stays is told before that, with the further snapshots of
+            this run: at once if there is something to go on from, else with the first state, which says whose it is.
 
     """
 
     def __init__(self, blobs: BlobStore, order: Order, pipe: BinaryIO) -> None:
         self.blobs = blobs
         self.order = order
-        self.earlier: tuple[Snapshot, ...] = ()
-        self.anew: dict[str, list[int]] | None = None
+        self.found = Resumption()
         self._pipe = pipe
 
     def snapshot(self, kept: Kept) -> None:
         """Write the file, then say so."""
+        self._take_over(kept.arrays)
         content = dump_arrays(kept.arrays)
         key = layout.numbered(layout.snapshots(self.order.job_id), self.order.token, kept.iteration)
         stat = self.blobs.create(key, content)
-        record = snapshot_record(kept.iteration, stat, content, kept.row)
+        record = snapshot_record(kept.iteration, stat, checksum_of(content), kept.row)
         self.send("snapshot", snapshot=asdict(record))
 
     def checkpoint(self, kept: Kept) -> None:
@@ -83,7 +85,8 @@ class PipeSink:
         key = layout.numbered(folder, self.order.token, kept.iteration)
         self.blobs.create(key, dump_arrays(kept.arrays))
         numbers = layout.numbers(key)
-        older = sorted((layout.numbers(stat.key), stat.key) for stat in self.blobs.list(folder))
+        stats = layout.numbered_only(self.blobs.list(folder))
+        older = sorted((layout.numbers(stat.key), stat.key) for stat in stats)
         for _, name in [pair for pair in older if pair[0] < numbers][:-1]:  # one, should this one be damaged
             self.blobs.delete(name)
 
@@ -93,14 +96,23 @@ class PipeSink:
 
     def send(self, event: str, **content: object) -> None:
         """Write one event and flush it."""
-        if self.anew is not None:
-            self._pipe.write(event_line("anew", **self.anew))
-        self.anew = None
-        for snapshot in self.earlier:
-            self._pipe.write(event_line("snapshot", snapshot=asdict(snapshot)))
-        self.earlier = ()
+        if self.found.arrays is not None:
+            self._take_over(self.found.arrays)
         self._pipe.write(event_line(event, **content))
         self._pipe.flush()
+
+    def _take_over(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Tell, once, what stays of what earlier attempts left, by the first state of this one."""
+        found, self.found = self.found, Resumption()
+        state = state if found.arrays is None else found.arrays
+        run = run_of(state)
+        if found.passed - {run}:
+            kept = [snapshot.iteration for snapshot in found.snapshots]
+            rows = [int(row["iteration"]) for row in rows_in(state)]  # also those that were told a moment ago
+            others = [asdict(other) for other in others_of_run(self.blobs, self.order.job_id, found, run)]
+            self._pipe.write(event_line("anew", snapshots=kept, rows=rows, others=others))
+        for snapshot in found.snapshots:
+            self._pipe.write(event_line("snapshot", snapshot=asdict(snapshot)))
 
 
 def work(order: Order, pipe: BinaryIO, told: list[Stop]) -> None:
@@ -150,13 +162,7 @@ def _run(mesh: TriangleMesh, spec: JobSpec, sink: PipeSink, told: list[Stop]) ->
 
     foreign: set[bytes] = set()
     while True:  # as often as there are versions whose files it has
-        found = find_resumption(sink.blobs, spec.id, plan, foreign)
-        sink.earlier = found.snapshots
-        if foreign:
-            sink.anew = {
-                "snapshots": [snapshot.iteration for snapshot in found.snapshots],
-                "rows": [int(row["iteration"]) for row in found.rows],
-            }
+        found = sink.found = find_resumption(sink.blobs, spec.id, plan, foreign)
         engine = engine_for(
             mesh, config, found.arrays, engine=sink.order.engine, threads=sink.order.threads, say=_note
         )

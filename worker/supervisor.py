@@ -111,6 +111,9 @@ class Supervisor:
         """
         claimant = uuid.uuid4().hex  # an answer that is lost on the way is given again
         claim = insist(lambda: self.jobs.claim(job_id, worker, claimant))
+        if claim.outcome is ClaimOutcome.ENDING:
+            Ending(self.jobs, self.blobs, self.queue, job_id, claim.token).conclude()
+            return
         if claim.outcome is not ClaimOutcome.CLAIMED:
             say(logging.INFO, job_id, "drop", f"dropped: {claim.outcome}")
             return

@@ -26,10 +26,18 @@ POSITIONS = doc.array_answer(
     "3n uint16 q; a coordinate is low + q · (high − low) / 65535."
 )
 FIELD = doc.array_answer("n float32, little endian: one value a vertex, in the order of the vertices.")
-OF_MESH = doc.problems("not-found", "range-not-satisfiable", "invalid-parameters", *doc.STORES)
-OF_JOB = doc.problems("not-found", "gone", "range-not-satisfiable", "invalid-parameters", *doc.STORES)
+OF_MESH = doc.problems("not-found", "range-not-satisfiable", "invalid-parameters", *doc.FILES, *doc.STORES)
+OF_JOB = doc.problems(
+    "not-found", "gone", "range-not-satisfiable", "invalid-parameters", *doc.FILES, *doc.STORES
+)
 OF_STATE = doc.problems(
-    "not-found", "result-not-ready", "gone", "range-not-satisfiable", "invalid-parameters", *doc.STORES
+    "not-found",
+    "result-not-ready",
+    "gone",
+    "range-not-satisfiable",
+    "invalid-parameters",
+    *doc.FILES,
+    *doc.STORES,
 )
 Dtype = Annotated[
     PositionType,

@@ -73,6 +73,8 @@ async def extend_job(request: Request, context: Context, job_id: JobId) -> Respo
 
     `curl --json '{"iterations": 1000}' …/extend`. What comes out is, bit for bit, what one longer run would have
     given. A job that ended by itself (converged, stalled, collapsed) cannot be extended: it would end there again.
+    Where another version of the mathematics is installed by now, the new job is computed from its beginning: no run is
+    of two versions.
     """
     if media_type(request) != "application/json":
         raise ProblemError("unsupported-media-type", f"send application/json, not {media_type(request)!r}")
@@ -101,7 +103,10 @@ async def extend_job(request: Request, context: Context, job_id: JobId) -> Respo
     responses=_responses(),
 )
 async def retry_job(request: Request, context: Context, job_id: JobId) -> Response:
-    """Make a job with the same parameters that goes on from the last state of a failed or cancelled one."""
+    """Make a job with the same parameters that goes on from the last state of a failed or cancelled one.
+
+    From its beginning where another version of the mathematics is installed by now.
+    """
     return await _continue(request, context, job_id, None, repetition)
 
 

@@ -240,7 +240,7 @@ async def get_job(request: Request, context: Context, job_id: JobId, wait: Wait 
             "model": JobOut,
             "headers": doc.RETRY_AFTER,
         },
-        **doc.problems("not-found", "gone", "job-already-finished", *doc.STORES),
+        **doc.problems("not-found", "gone", "job-already-finished", "storage-full", *doc.STORES),
     },
 )
 def cancel_job(request: Request, context: Context, job_id: JobId) -> Response:

@@ -157,7 +157,7 @@ def download_mesh(request: Request, context: Context, mesh_id: MeshId) -> Respon
     summary="Download the accepted mesh in a format",
     response_class=Response,
     responses=doc.mesh_answer("The accepted mesh.")
-    | doc.problems("not-found", "range-not-satisfiable", "invalid-parameters", *doc.STORES),
+    | doc.problems("not-found", "range-not-satisfiable", "invalid-parameters", *doc.FILES, *doc.STORES),
 )
 async def download_mesh_as(
     *,

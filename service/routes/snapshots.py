@@ -70,7 +70,13 @@ def list_snapshots(request: Request, context: Context, job_id: JobId) -> Respons
     response_class=Response,
     responses=doc.mesh_answer("The mesh at that iteration.")
     | doc.problems(
-        "not-found", "result-not-ready", "gone", "range-not-satisfiable", "invalid-parameters", *doc.STORES
+        "not-found",
+        "result-not-ready",
+        "gone",
+        "range-not-satisfiable",
+        "invalid-parameters",
+        *doc.FILES,
+        *doc.STORES,
     ),
 )
 async def download_snapshot(
@@ -120,6 +126,7 @@ async def download_snapshot(
             "not-acceptable",
             "range-not-satisfiable",
             "invalid-parameters",
+            *doc.FILES,
             *doc.STORES,
         ),
     },
@@ -219,6 +226,7 @@ def get_metrics_csv(request: Request, context: Context, job_id: JobId) -> Respon
             "range-not-satisfiable",
             "invalid-parameters",
             "storage-full",
+            *doc.FILES,
             *doc.STORES,
         ),
     },

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from spherify.jobs import layout
 from spherify.jobs.codec import dumps
 from spherify.jobs.errors import BlobExistsError, BlobNotFoundError, DamagedBlobError
-from spherify.jobs.ports import BlobStore, Claim
+from spherify.jobs.ports import BlobStat, BlobStore, Claim
 
 log = logging.getLogger(__name__)
 
@@ -45,9 +45,13 @@ def write_account(blobs: BlobStore, job_id: str, claim: Claim) -> None:
 
 def read_account(blobs: BlobStore, job_id: str) -> Account:
     """Return what is known from the files of a job that has not ended."""
-    kept = {layout.token_of(stat.key): stat for stat in blobs.list(layout.attempts(job_id))}
-    prefixes = (layout.snapshots(job_id), layout.checkpoints(job_id))
-    left = [(layout.numbers(stat.key)[0], stat.created_at) for p in prefixes for stat in blobs.list(p)]
+
+    def numbered(prefix: str) -> list[BlobStat]:
+        return list(layout.numbered_only(blobs.list(prefix)))
+
+    kept = {layout.token_of(stat.key): stat for stat in numbered(layout.attempts(job_id))}
+    states = numbered(layout.snapshots(job_id)) + numbered(layout.checkpoints(job_id))
+    left = [(layout.numbers(stat.key)[0], stat.created_at) for stat in states]
     newest = max([*kept, *(token for token, _ in left)], default=0)
     for token, stat in sorted(kept.items(), reverse=True):
         if (account := _read(blobs, stat.key)) is not None:

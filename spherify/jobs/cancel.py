@@ -7,8 +7,10 @@ from contextlib import suppress
 
 from spherify.jobs import layout
 from spherify.jobs.errors import BlobExistsError, StorageFullError
-from spherify.jobs.ports import BlobStore, CancelOutcome, ClaimOutcome, JobStore
-from spherify.jobs.results import publish_result, read_result
+from spherify.jobs.finish import finish
+from spherify.jobs.model import JobStatus
+from spherify.jobs.ports import BlobStore, CancelOutcome, JobStore
+from spherify.jobs.results import read_result
 from spherify.jobs.settle import settle
 
 log = logging.getLogger(__name__)
@@ -18,28 +20,52 @@ def cancel(jobs: JobStore, blobs: BlobStore, job_id: str) -> CancelOutcome:
     """Ask for the end of a job; the snapshots kept so far stay.
 
     ``cancel.json`` says for good that it was asked for, so that it outlives the record and a damaged ``result.json``.
-    A waiting job is settled here; a running one stops within two seconds, and its worker writes how it ended.
+    A waiting job is ended here; a running one stops within two seconds, and its worker writes how it ended.
     Where that is written already, it counts: an attempt ended the job and did not live to tell the record.
+
+    Raises:
+        StorageFullError: the record knows of it, and nothing else: it is to be asked for again.
+
     """
-    result = read_result(blobs, job_id)
-    if result is not None:
-        claim = jobs.claim(job_id, "cancel")
-        if claim.outcome is ClaimOutcome.CLAIMED:
-            publish_result(jobs, claim.token, result)
-        return jobs.request_cancel(job_id) if jobs.get(job_id).status.done else CancelOutcome.FINISHED
     outcome = jobs.request_cancel(job_id)
     if outcome not in {CancelOutcome.CANCELLED, CancelOutcome.CANCELLING}:
         return outcome
-    try:
-        with suppress(BlobExistsError):  # asked before
-            blobs.create(layout.cancel(job_id), b"")
+    result = read_result(blobs, job_id)
+    if result is None:
+        _keep(blobs, job_id)
         # Once more: if the record was lost meanwhile, whoever made it anew may not have seen that file.
         outcome = jobs.request_cancel(job_id)
-        if outcome is CancelOutcome.FINISHED:  # it came to its end meanwhile, and nobody is told of a cancel
-            blobs.delete(layout.cancel(job_id))
-        if outcome is not CancelOutcome.CANCELLING:
-            settle(jobs, blobs, job_id)
+    if outcome is CancelOutcome.CANCELLING:
+        finish(jobs, blobs, job_id)
+        outcome = jobs.request_cancel(job_id)  # tells how it ended, here or with a worker that was told
+    if (
+        outcome is CancelOutcome.CANCELLING
+        and result is not None
+        and result.outcome.status is not JobStatus.CANCELLED
+    ):
+        outcome = CancelOutcome.FINISHED  # whoever holds it tells the record so
+    try:
+        settle(jobs, blobs, job_id)
     except StorageFullError:
         extra = {"job_id": job_id, "action": "cancel"}
-        log.warning("cancelled, but not written: the reconciler or the worker will", extra=extra)
+        log.warning("cancelled, but not settled: the reconciler will", extra=extra)
+    if outcome is CancelOutcome.FINISHED and result is None:  # meanwhile: nobody is told of a cancel
+        blobs.delete(layout.cancel(job_id))
     return outcome
+
+
+def _keep(blobs: BlobStore, job_id: str) -> None:
+    """Leave word for good; on a full disk by a second name of what is there, which takes no room."""
+    with suppress(BlobExistsError):  # asked before
+        try:
+            blobs.create(layout.cancel(job_id), b"")
+        except StorageFullError:
+            _keep_without_room(blobs, job_id)
+
+
+def _keep_without_room(blobs: BlobStore, job_id: str) -> None:
+    try:
+        blobs.copy(layout.spec(job_id), layout.cancel(job_id))
+    except StorageFullError as e:
+        told = "the job is told to end, but its record alone knows"
+        raise StorageFullError(f"{told}: cancel it once more when there is room ({e})") from e

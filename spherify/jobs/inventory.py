@@ -2,7 +2,9 @@
 
 A server can lose some records and keep the others: a replica takes over that was behind, or an older copy is put back.
 And whoever writes files before records may die in between. What is seen without a record in two rounds is restored, if
-there is enough of it; if not, it is removed when it is old. What is there and cannot be read is told of, and left.
+there is enough of it; if not, it is removed when it is old. What is there and cannot be read is told of, and left. The
+other way round, a job that has a tombstone is deleted once more if an older copy brought its record back, and so is a
+mesh that has no files, unless a job names it.
 """
 
 from __future__ import annotations
@@ -10,15 +12,22 @@ from __future__ import annotations
 import logging
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
-from typing import Final
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from typing import Final, TypeVar
 
 from spherify.jobs import layout
-from spherify.jobs.errors import StoreUnavailableError
-from spherify.jobs.rebuild import UNREADABLE, Stock, named, restore_job, restore_mesh
-from spherify.jobs.settle import remove_folder
+from spherify.jobs.delete import delete_job
+from spherify.jobs.errors import JobNotFoundError, MeshInUseError, MeshNotFoundError, StoreUnavailableError
+from spherify.jobs.model import Job
+from spherify.jobs.ports import BlobStat
+from spherify.jobs.restore import UNREADABLE, named, restore_deletion, restore_job, restore_mesh
+from spherify.jobs.settle import remove_folder, settle
+from spherify.jobs.stock import Stock
 
+T = TypeVar("T")
 SLICE: Final = 200  # folders in one look
+TOMBSTONES: Final = 10  # for each folder: they cost no request for a file
 ROUND_S: Final = 60.0  # from the beginning of one round to that of the next, at least
 ORPHAN_S: Final = 24 * 3600.0
 log = logging.getLogger(__name__)
@@ -35,15 +44,21 @@ class Inventory:
         self._clock = clock
         self._meshes: deque[str] = deque()
         self._jobs: deque[str] = deque()
-        self._missing: set[str] = set()  # without a record in the last round
-        self._seen: set[str] = set()  # without a record in this one
+        self._deleted: deque[BlobStat] = deque()
+        self._stored: frozenset[str] = frozenset()  # meshes that have files, listed before their records are
+        self._listing: Iterator[Sequence[str]] = iter(())  # of the records of meshes, a page at a time
+        self._missing: set[str] = set()  # without a record, or files, in the last round
+        self._seen: set[str] = set()  # without a record, or files, in this one
         self._unreadable: set[str] = set()  # and told of: once by each process
         self._begun = float("-inf")
 
     def look(self) -> tuple[str, ...]:
         """Compare the next slice; returns what was restored."""
-        if not self._meshes and not self._jobs and not self._begin():
+        recorded = next(self._listing, None)
+        if not (self._meshes or self._jobs or self._deleted or recorded) and not self._begin():
             return ()
+        self._delete_again(self._next(self._deleted, TOMBSTONES))
+        self._forget_empty([mesh_id for mesh_id in recorded or () if mesh_id not in self._stored])
         meshes, jobs = self._next(self._meshes), self._next(self._jobs)
         return (
             *self._compare(self._stock.meshes.unknown(meshes), layout.mesh_folder, restore_mesh),
@@ -57,14 +72,67 @@ class Inventory:
         self._missing, self._seen = self._seen, set()
         blobs = self._stock.blobs
         self._meshes.extend(blobs.folders(layout.meshes()))
+        self._stored = frozenset(self._meshes)
+        self._listing = self._recorded_meshes()
         self._jobs.extend(blobs.folders(layout.jobs()))
         for stat in list(blobs.list(layout.tombstones())):
             if stat.created_at < time.time() - layout.TOMBSTONE_S:
+                # First what a deletion that was broken off may have left: without the mark the job would come back.
+                remove_folder(blobs, layout.job_folder(stat.key.rpartition("/")[2]))
                 blobs.delete(stat.key)
+            else:
+                self._deleted.append(stat)
         return True
 
-    def _next(self, names: deque[str]) -> list[str]:
-        return [names.popleft() for _ in range(min(self._slice, len(names)))]
+    def _next(self, left: deque[T], times: int = 1) -> list[T]:
+        return [left.popleft() for _ in range(min(times * self._slice, len(left)))]
+
+    def _delete_again(self, tombstones: Sequence[BlobStat]) -> None:
+        """Have the records say what the tombstones do."""
+        by_id = {stat.key.rpartition("/")[2]: stat for stat in tombstones}
+        for job_id, found in self._stock.jobs.get_all(dict.fromkeys(by_id)).items():
+            if isinstance(found, JobNotFoundError):
+                self._deleted_before(job_id, by_id[job_id])
+            elif isinstance(found, Job) and found.status.done:  # else it is computed without files, and fails
+                if job_id not in self._missing:  # it may be being deleted
+                    self._seen.add(job_id)
+                    continue
+                delete_job(self._stock.jobs, self._stock.blobs, job_id)
+                log.warning(
+                    "its record came back, and was deleted: deleted again", extra=named(job_id, "inventory")
+                )
+
+    def _recorded_meshes(self) -> Iterator[Sequence[str]]:
+        """Yield the meshes that have a record, a page at a time."""
+        cursor: str | None = None
+        while True:
+            page = self._stock.meshes.find(limit=self._slice, cursor=cursor)
+            yield [record.id for record in page.items]
+            cursor = page.next_cursor
+            if cursor is None:
+                return
+
+    def _forget_empty(self, mesh_ids: Sequence[str]) -> None:
+        """Forget meshes without files: an upload of the same bytes then writes them, as of any other mesh."""
+        for mesh_id in mesh_ids:
+            if mesh_id not in self._missing:  # it may be being uploaded, or deleted
+                self._seen.add(mesh_id)
+            elif not list(self._stock.blobs.list(layout.mesh_folder(mesh_id))):
+                with suppress(
+                    MeshNotFoundError, MeshInUseError
+                ):  # jobs that name it say themselves what they miss
+                    self._stock.meshes.delete(mesh_id)
+                    log.warning("its files are gone: its record, too", extra=named(mesh_id, "inventory"))
+                    restore_mesh(self._stock, mesh_id)  # if it was uploaded at this moment
+
+    def _deleted_before(self, job_id: str, tombstone: BlobStat) -> None:
+        try:
+            restore_deletion(self._stock, tombstone)
+        except StoreUnavailableError:
+            raise
+        except UNREADABLE:  # all but the key it was asked for under
+            log.exception("its tombstone cannot be read", extra=named(job_id, "inventory"))
+        settle(self._stock.jobs, self._stock.blobs, job_id)  # whoever deleted it may not have lived to
 
     def _compare(
         self, unknown: Sequence[str], folder: Callable[[str], str], restore: Callable[[Stock, str], bool]

@@ -17,8 +17,14 @@ Tokens and iterations are padded with zeros, for people; programs compare `numbe
 
 from __future__ import annotations
 
-from typing import Final
+import re
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING, Final
 
+if TYPE_CHECKING:
+    from spherify.jobs.ports import BlobStat
+
+_NUMBERED: Final = re.compile(r"\d{7,16}(-\d{7,16}\.npz|\.json)")
 TOMBSTONE_S: Final = 30 * 24 * 3600  # so long it is known that a job was deleted
 
 
@@ -112,6 +118,16 @@ def snapshots(job_id: str) -> str:
     return f"jobs/{job_id}/snapshots/"
 
 
+def is_snapshot(key: str) -> bool:
+    """Return whether a key lies below `snapshots`."""
+    return key.split("/")[2:3] == ["snapshots"]
+
+
+def job_of(key: str) -> str:
+    """Return whose a key below the folder of a job is."""
+    return key.split("/")[1]
+
+
 def checkpoints(job_id: str) -> str:
     """Return the prefix of a job's checkpoints between snapshots."""
     return f"jobs/{job_id}/checkpoints/"
@@ -126,3 +142,8 @@ def numbers(key: str) -> tuple[int, int]:
     """Return token and iteration of a key that `numbered` made."""
     token, _, iteration = key.rpartition("/")[2].removesuffix(".npz").partition("-")
     return int(token), int(iteration)
+
+
+def numbered_only(stats: Iterable[BlobStat]) -> Iterator[BlobStat]:
+    """Yield those whose keys `numbered` or `account` made, and not what anybody else has put beside them."""
+    return (stat for stat in stats if _NUMBERED.fullmatch(stat.key.rpartition("/")[2]))

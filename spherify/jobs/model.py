@@ -2,14 +2,17 @@
 
                       a                       b
           submit ─► accepted ───claim──► running ───commit──► successful | failed
-                      │  ▲                 │  │
-                    e │  └──── c: lost or ─┘  │ d: cancel asked
-                      │        released       ▼
-                      └──────► cancelled ◄─ cancelling
-                         cancel            f
+                     │ │ ▲                 │  │
+                   e │ │ └──── c: lost or ─┘  │ d: cancel asked
+                     │ │       released       ▼
+                     │ └─────────────────► cancelling ──f──► cancelled
+                     └───────────────────────────────────────────▲
 
-a claim · b commit · c the lease ran out, or the worker hands the job on · d, e cancel · f the runner has stopped.
-A cancelling job whose worker is lost becomes cancelled; every other loss goes by c until MAX_LOSSES.
+a claim · b commit · c the lease ran out, or the worker hands the job on · d, e cancel; e ends at once what was never
+claimed · f the runner has stopped, or there was none.
+A job that lost its worker too often, or is cancelling, does not wait again: it stays as it is until whoever claims it
+has ended it. As every end, that is written to ``result.json`` before the record says it; where an attempt wrote another
+end there, and did not live to tell, that one counts: by b from any state in which somebody holds the job.
 """
 
 from __future__ import annotations
@@ -37,11 +40,9 @@ class JobStatus(StrEnum):
 
 TERMINAL: Final = frozenset({JobStatus.SUCCESSFUL, JobStatus.FAILED, JobStatus.CANCELLED})
 LEGAL_MOVES: Final = {
-    JobStatus.ACCEPTED: frozenset({JobStatus.RUNNING, JobStatus.CANCELLED, JobStatus.FAILED}),
-    JobStatus.RUNNING: frozenset(
-        {JobStatus.ACCEPTED, JobStatus.CANCELLING, JobStatus.SUCCESSFUL, JobStatus.FAILED}
-    ),
-    JobStatus.CANCELLING: frozenset({JobStatus.CANCELLED}),
+    JobStatus.ACCEPTED: frozenset({JobStatus.RUNNING, JobStatus.CANCELLING, JobStatus.CANCELLED}),
+    JobStatus.RUNNING: frozenset({JobStatus.ACCEPTED, JobStatus.CANCELLING, *TERMINAL}),
+    JobStatus.CANCELLING: TERMINAL,
     JobStatus.SUCCESSFUL: frozenset[JobStatus](),
     JobStatus.FAILED: frozenset[JobStatus](),
     JobStatus.CANCELLED: frozenset[JobStatus](),
@@ -75,7 +76,7 @@ class Snapshot:
     Attributes:
         iteration: iterations done at this state.
         key: the blob that holds it, a checkpoint in the form of `spherify.stores.arrays`.
-        sha256: of that blob, hexadecimal.
+        sha256: of that blob but for the checksum that ends it, which this is; hexadecimal.
         size: of that blob, bytes.
         metrics: the named figures of `spherify.geometry.metrics.Metrics`.
         created_at: seconds since the epoch.

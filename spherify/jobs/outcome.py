@@ -17,6 +17,12 @@ def internal_error(job_id: str, what: str) -> JobError:
     return JobError("internal-error", detail)
 
 
+def worker_lost(losses: int) -> JobError:
+    """Return the error of a job that lost that many workers, one more than it may."""
+    detail = f"its worker was lost {losses} times, the last time without a word: most often the memory was not enough"
+    return JobError("worker-lost", detail)
+
+
 def outcome_of(end: RunEnd) -> Outcome:
     """Return how a job ends whose run ended so.
 

@@ -84,7 +84,7 @@ class ClaimOutcome(StrEnum):
     CLAIMED = "claimed"
     LEASED = "leased"  # another worker holds it: drop this delivery
     DONE = "done"  # terminal or unknown: drop this delivery
-    POISONED = "poisoned"  # lost too often: it has been failed just now
+    ENDING = "ending"  # to be cancelled, or lost too often: it is ours, to be ended and not to be computed
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,9 +92,9 @@ class Claim:
     """Answer to a claim.
 
     Attributes:
-        token: fences every later write; 0 unless CLAIMED.
+        token: fences every later write; 0 unless CLAIMED or ENDING.
         spent_s: how long earlier attempts held the job, by the server's clock.
-        attempt: how many there are with this one.
+        attempt: how many there are with this one, if it is one: CLAIMED.
         losses: how many of them lost their worker.
 
     """
@@ -117,8 +117,8 @@ class Renewal(StrEnum):
 class CancelOutcome(StrEnum):
     """Answer to a cancel request."""
 
-    CANCELLED = "cancelled"  # it was waiting, or is cancelled already
-    CANCELLING = "cancelling"  # a worker has been told
+    CANCELLED = "cancelled"  # nobody ever held it, or it is cancelled already
+    CANCELLING = "cancelling"  # a worker has been told, or whoever claims it ends it
     FINISHED = "finished"  # too late: it has ended, or its end is just being written
     UNKNOWN = "unknown"
 
@@ -141,7 +141,7 @@ class Kept:
 
 @dataclass(frozen=True, slots=True)
 class Trail:
-    """What the files of a job's attempts hold of one run: intact snapshots and rows, by iteration, ascending."""
+    """What the files of a job's attempts hold of one run: snapshots and rows, by iteration, ascending."""
 
     snapshots: tuple[Snapshot, ...] = ()
     rows: tuple[dict[str, float | int], ...] = ()
@@ -149,12 +149,15 @@ class Trail:
     @property
     def best(self) -> int | None:
         """Iteration of the snapshot of the highest sphericity."""
-        sphericity = {snapshot.iteration: snapshot.metrics["sphericity"] for snapshot in self.snapshots}
+        sphericity = {
+            snapshot.iteration: snapshot.metrics.get("sphericity", 0.0) for snapshot in self.snapshots
+        }
         return max(sphericity, key=sphericity.__getitem__, default=None)
 
 
-TrailFinder: TypeAlias = Callable[[BlobStore, str], Trail]
-"""Reads what is left in the files of a job, given their store and its id: `spherify.stores.states.find_trail`."""
+TrailFinder: TypeAlias = Callable[[BlobStore, str, Callable[[], object]], Trail]
+"""Reads what is left in the files of a job, given their store, its id, and what is to be called again and again:
+`spherify.stores.states.find_trail`."""
 
 
 class JobStore(Protocol):
@@ -207,15 +210,20 @@ class JobStore(Protocol):
         ...
 
     def request_cancel(self, job_id: str) -> CancelOutcome:
-        """Cancel a waiting job at once, or flag a running one."""
+        """Cancel a job that nobody ever held at once, or flag any other."""
         ...
 
     # What a worker calls; each is refused (False, FENCED) when the token is not the present one.
 
-    def claim(self, job_id: str, worker: str, claimant: str = "") -> Claim:
+    def claim(self, job_id: str, worker: str, claimant: str = "", *, to_end: bool = False) -> Claim:
         """Take the lease and the next fencing token; the same ones again for a claimant who did not hear the answer.
 
-        A claimant is one try at one delivery; an empty one is nobody twice.
+        Args:
+            job_id: which job.
+            worker: name for the record.
+            claimant: one try at one delivery; an empty one is nobody twice.
+            to_end: take nothing but what is to be ended: the outcome is not CLAIMED.
+
         """
         ...
 
@@ -238,7 +246,10 @@ class JobStore(Protocol):
         ...
 
     def release(self, job_id: str, token: int) -> bool:
-        """Hand a job on without counting a loss: accepted again, next in the queue."""
+        """Hand a job on without counting a loss, next in the queue; whether it is to be sent again.
+
+        If it is not, somebody else has it, or it is `overdue`: it is to be cancelled.
+        """
         ...
 
     def disown(self, job_id: str, token: int, kept: Kept) -> bool:
@@ -246,7 +257,10 @@ class JobStore(Protocol):
         ...
 
     def lose(self, job_id: str, token: int) -> bool:
-        """Give a job up whose runner died, counting a loss; whether it is to be sent again."""
+        """Give a job up whose runner died, counting a loss; whether it is to be sent again.
+
+        If it is not, somebody else has it, or it is `overdue`: it is to be cancelled, or was lost too often.
+        """
         ...
 
     def seal(self, job_id: str, token: int) -> Renewal:
@@ -262,8 +276,12 @@ class JobStore(Protocol):
     def lost(self, limit: int | None = None, *, counted: bool = True) -> list[str]:
         """Free jobs whose lease ran out, the longest first; returns those to be sent again.
 
-        Each is a loss, and poison ones are failed, unless no worker is to blame and none is counted.
+        Each is a loss, unless no worker is to blame and none is counted. Those to be ended stay `overdue`.
         """
+        ...
+
+    def overdue(self, limit: int | None = None) -> list[str]:
+        """Return jobs whose lease ran out, the longest first: after `lost`, those that are to be ended."""
         ...
 
     def waiting(self, older_than_s: float, limit: int | None = None) -> list[str]:
@@ -286,8 +304,8 @@ class JobStore(Protocol):
         """Raise `StoreUnavailableError` unless the server answers, and the records are all there."""
         ...
 
-    # What `spherify.jobs.rebuild` calls. A server that lost its records knows that it did: until they are back,
-    # "there is no such job" is never said; `StoreUnavailableError` is.
+    # What `spherify.jobs.rebuild` and `restore` call. A server that lost its records knows that it did: until they are
+    # back, "there is no such job" is never said; `StoreUnavailableError` is.
 
     def complete(self) -> bool:
         """Whether the records are all there, as far as the server knows."""
@@ -305,13 +323,20 @@ class JobStore(Protocol):
         """Return those of which there is neither a record nor a tombstone."""
         ...
 
-    def restore(self, job: Job, rows: Sequence[Mapping[str, float | int]], *, spent_s: float = 0.0) -> bool:
+    def era(self) -> str:
+        """Return the name of the rebuild after which all records were there, or of the one under way; "" if none is."""
+        ...
+
+    def restore(
+        self, job: Job, rows: Sequence[Mapping[str, float | int]], *, spent_s: float = 0.0, era: str = ""
+    ) -> bool:
         """Record a job again; token and revision begin beyond all earlier ones. False if it is known, or deleted.
 
         Args:
             job: as it is to be.
             rows: of its time series.
             spent_s: how long its attempts held it, see `Claim`.
+            era: in which its files were read; in another nothing is done, for it may have been deleted since.
 
         """
         ...
@@ -337,7 +362,10 @@ class MeshStore(Protocol):
         ...
 
     def delete(self, mesh_id: str) -> None:
-        """Forget a mesh; raises `MeshInUseError` while any job names it, `MeshNotFoundError`."""
+        """Forget a mesh; raises `MeshInUseError` while any job names it, `MeshNotFoundError`.
+
+        While not all jobs are known, none is forgotten: `StoreUnavailableError`.
+        """
         ...
 
     def unknown(self, mesh_ids: Sequence[str]) -> list[str]:

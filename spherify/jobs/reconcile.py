@@ -14,16 +14,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from spherify.jobs.errors import JobNotFoundError, StorageFullError, StoreUnavailableError
+from spherify.jobs.errors import JobGoneError, JobNotFoundError, StorageFullError, StoreUnavailableError
+from spherify.jobs.finish import finish
 from spherify.jobs.inventory import Inventory
 from spherify.jobs.orphans import Orphans
-from spherify.jobs.rebuild import Stock, rebuild
+from spherify.jobs.rebuild import rebuild
 from spherify.jobs.settle import settle
+from spherify.jobs.stock import Stock
 
 SCRATCH_S: Final = 24 * 3600.0  # longer than any upload
 _SWEEP_S: Final = 600.0
 _LOST: Final = 1000  # jobs freed in one scan; the next one goes on
-_SETTLED: Final = 100  # jobs settled in one scan
+_SETTLED: Final = 100  # jobs settled in one scan, and jobs ended
 log = logging.getLogger(__name__)
 
 
@@ -34,6 +36,7 @@ class Scan:
     Attributes:
         lost: sent again because their lease ran out.
         orphans: sent again because no queue held them.
+        ended: not to be computed any more, and nobody was at it: cancelled, or lost too often.
         settled: ended or deleted by somebody who did not bring their files to their last state.
         restored: jobs and meshes whose records were missing while others were there.
         swept: unfinished files that were removed.
@@ -42,6 +45,7 @@ class Scan:
 
     lost: tuple[str, ...]
     orphans: tuple[str, ...]
+    ended: tuple[str, ...]
     settled: tuple[str, ...]
     restored: tuple[str, ...]
     swept: tuple[str, ...]
@@ -74,22 +78,31 @@ class Reconciler:
 
         """
         rebuild(self._stock, still)
+        waits, counted = self._amnesty == 2, self._amnesty == 0
+        self._amnesty = max(self._amnesty - 1, 0)
         return Scan(
-            lost=_part("lost", self._send_lost),
-            orphans=_part("orphan", self._send_orphans),
+            lost=() if waits else _part("lost", lambda: self._send_lost(counted=counted)),
+            orphans=_part("orphan", self._send_orphans),  # what needs the files comes later: they may be away
+            ended=() if waits else _part("finish", self._finish),
             settled=_part("settle", self._settle),
             restored=_part("inventory", self._inventory.look),
             swept=_part("sweep", self._sweep),
         )
 
-    def _send_lost(self) -> tuple[str, ...]:
-        waits, counted = self._amnesty == 2, self._amnesty == 0
-        self._amnesty = max(self._amnesty - 1, 0)
-        lost = () if waits else tuple(self._stock.jobs.lost(_LOST, counted=counted))
+    def _send_lost(self, *, counted: bool) -> tuple[str, ...]:
+        lost = tuple(self._stock.jobs.lost(_LOST, counted=counted))
         for job_id in lost:
             log.warning("its lease ran out: sent again", extra={"job_id": job_id, "action": "reconcile-lost"})
             self._stock.queue.send(job_id, ahead=True)
         return lost
+
+    def _finish(self) -> tuple[str, ...]:
+        """End what lost its lease and was not sent again."""
+        overdue = self._stock.jobs.overdue(_SETTLED)
+        return tuple(job_id for job_id in overdue if _tried(job_id, "finish", self._finish_one))
+
+    def _finish_one(self, job_id: str) -> None:
+        finish(self._stock.jobs, self._stock.blobs, job_id)
 
     def _send_orphans(self) -> tuple[str, ...]:
         orphans = self._orphans.look()
@@ -138,7 +151,7 @@ def _tried(name: str, action: str, do: Callable[[str], None]) -> bool:
         do(name)
     except StoreUnavailableError:  # everybody's trouble
         raise
-    except (StorageFullError, JobNotFoundError, OSError) as e:
+    except (StorageFullError, JobNotFoundError, JobGoneError, OSError) as e:
         log.warning("not done, and tried again: %s", e, extra=extra)
         return False
     except Exception:  # a file or record of another form than ours; the trace goes to the log

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from spherify.jobs import layout
 from spherify.jobs.errors import JobGoneError
 from spherify.jobs.model import Job, JobStatus, Outcome
@@ -28,7 +30,7 @@ def settle(jobs: JobStore, blobs: BlobStore, job_id: str) -> None:
                 return
             result = read_result(blobs, job_id)
             if result is None:
-                result = write_result(blobs, _result_of(job, jobs.metrics(job_id)))
+                result = write_result(blobs, result_of(job, _outcome_of(job), jobs.metrics(job_id)))
             remove_folder(blobs, layout.checkpoints(job_id))
             remove_folder(blobs, layout.attempts(job_id))
             if job.token > 1 or job.status is not JobStatus.SUCCESSFUL:
@@ -57,15 +59,8 @@ def _remove_unnamed(blobs: BlobStore, job: Job, result: Result) -> None:
             blobs.delete(stat.key)
 
 
-def _result_of(job: Job, rows: list[Row]) -> Result:
-    outcome = Outcome(
-        status=job.status,
-        stop_reason=job.stop_reason,
-        stop_detail=job.stop_detail,
-        result_iteration=job.result_iteration,
-        best_iteration=job.best_iteration,
-        error=job.error,
-    )
+def result_of(job: Job, outcome: Outcome, rows: Sequence[Row]) -> Result:
+    """Return what the record knows of a job, with the end that it has or is to have."""
     return Result(
         job.id,
         job.token,
@@ -76,4 +71,15 @@ def _result_of(job: Job, rows: list[Row]) -> Result:
         started_at=job.started_at,
         attempt=job.attempt,
         losses=job.losses,
+    )
+
+
+def _outcome_of(job: Job) -> Outcome:
+    return Outcome(
+        status=job.status,
+        stop_reason=job.stop_reason,
+        stop_detail=job.stop_detail,
+        result_iteration=job.result_iteration,
+        best_iteration=job.best_iteration,
+        error=job.error,
     )

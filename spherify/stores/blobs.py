@@ -14,6 +14,7 @@ import uuid
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from stat import S_ISREG
 from typing import BinaryIO, Final
 
 from spherify.jobs.errors import BlobExistsError, BlobNotFoundError, StorageFullError, StoreUnavailableError
@@ -93,9 +94,10 @@ class FolderBlobStore:
         """Return what is known of a key, None if nothing is stored there."""
         path = self._path(key)
         try:
-            return _stat(key, path) if path.is_file() else None
-        except FileNotFoundError:  # deleted between the two looks
+            found = path.stat()
+        except (FileNotFoundError, NotADirectoryError):
             return None
+        return BlobStat(key, found.st_size, found.st_mtime) if S_ISREG(found.st_mode) else None
 
     def list(self, prefix: str) -> Iterator[BlobStat]:
         """Yield every blob below a folder-like prefix, sorted by key."""
@@ -106,7 +108,7 @@ class FolderBlobStore:
             if _visible(folders)
             for name in names
         )
-        for key in sorted(path.as_posix() for path in found):
+        for key in sorted(filter(KEY.fullmatch, map(Path.as_posix, found))):  # and no .nfs…, no .DS_Store
             if (stat := self.stat(key)) is not None:
                 yield stat
 

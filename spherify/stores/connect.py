@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import redis
 
 from spherify.jobs.ports import BlobStore
-from spherify.jobs.rebuild import Stock
+from spherify.jobs.stock import Stock
 from spherify.settings import Settings
 from spherify.stores.client import connect
 from spherify.stores.files import open_blobs

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Final
 
 import redis
@@ -19,7 +21,15 @@ def is_complete(client: redis.Redis) -> bool:
         return bool(client.exists(keys.EPOCH))
 
 
-def require_complete(client: redis.Redis) -> None:
-    """Raise `StoreUnavailableError` while records may be missing: what is not there may come back."""
-    if not is_complete(client):
+@contextmanager
+def complete_throughout(client: redis.Redis) -> Iterator[None]:
+    """Raise `StoreUnavailableError` unless all records are there from the beginning to the end: none is missed."""
+    with reachable():
+        before = client.get(keys.EPOCH)
+    if before is None:
+        raise StoreUnavailableError(REBUILDING)
+    yield
+    with reachable():
+        after = client.get(keys.EPOCH)
+    if after != before:  # lost meanwhile, and perhaps rebuilt already
         raise StoreUnavailableError(REBUILDING)

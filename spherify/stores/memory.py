@@ -124,47 +124,40 @@ class MemoryJobStore:
             self._unsettled.add(job_id)
 
     def request_cancel(self, job_id: str) -> CancelOutcome:
-        """Cancel a waiting job at once, or flag a running one."""
+        """Cancel a job that nobody ever held at once, or flag any other."""
         with self._lock:
             entry = self._entries.get(job_id)
             if entry is None:
                 return CancelOutcome.UNKNOWN
-            if entry.job.status is JobStatus.ACCEPTED:
+            if entry.job.status is JobStatus.ACCEPTED and entry.job.token == 0:
                 self._move(entry, JobStatus.CANCELLED, stop_reason="cancelled")
-            elif entry.job.status is JobStatus.RUNNING and not entry.sealed:
+            elif entry.job.status is JobStatus.ACCEPTED:
+                token = entry.job.token + 1
+                self._move(entry, JobStatus.CANCELLING, token=token, lease_until=self._clock())
+            elif entry.job.status is JobStatus.RUNNING and not (entry.sealed and entry.leased(self._clock())):
                 self._move(entry, JobStatus.CANCELLING)
             return {
                 JobStatus.CANCELLED: CancelOutcome.CANCELLED,
                 JobStatus.CANCELLING: CancelOutcome.CANCELLING,
             }.get(entry.job.status, CancelOutcome.FINISHED)
 
-    def claim(self, job_id: str, worker: str, claimant: str = "") -> Claim:
+    def claim(self, job_id: str, worker: str, claimant: str = "", *, to_end: bool = False) -> Claim:
         """Take the lease and the next fencing token; the same ones again for a claimant who did not hear the answer."""
         with self._lock:
-            entry = self._entries.get(job_id)
+            entry, now, most = self._entries.get(job_id), self._clock(), self._max_losses
             if entry is None or entry.job.status.done:
                 return Claim(ClaimOutcome.DONE)
-            if entry.job.status in AT_WORK:
-                if entry.leased(self._clock()) and claimant and entry.claimant == claimant:
-                    entry.job = replace(entry.job, lease_until=self._clock() + self._lease_s)
-                    return entry.claimed
-                if entry.leased(self._clock()):
+            if entry.leased(now):
+                if not claimant or entry.claimant != claimant:
                     return Claim(ClaimOutcome.LEASED)
-                after = self._lose(entry)
-                if after is not JobStatus.ACCEPTED:
-                    return Claim(ClaimOutcome.POISONED if after is JobStatus.FAILED else ClaimOutcome.DONE)
-            job = entry.job
-            self._move(
-                entry,
-                JobStatus.RUNNING,
-                token=job.token + 1,
-                attempt=job.attempt + 1,
-                worker=worker,
-                started_at=job.started_at or self._clock(),
-                lease_until=self._clock() + self._lease_s,
-            )
-            entry.claimant, entry.claimed_at = claimant, self._clock()
-            return entry.claimed
+                entry.job = replace(entry.job, lease_until=now + self._lease_s)
+                return entry.claimed(most)
+            if to_end and entry.job.status is JobStatus.ACCEPTED:
+                return Claim(ClaimOutcome.DONE)
+            if to_end and not entry.ending(most):
+                return Claim(ClaimOutcome.LEASED)
+            entry.take(worker, claimant, now, now + self._lease_s, most)
+            return entry.claimed(most)
 
     def renew(self, job_id: str, token: int) -> Renewal:
         """Extend the lease, and learn whether to go on."""
@@ -204,12 +197,10 @@ class MemoryJobStore:
             return True
 
     def release(self, job_id: str, token: int) -> bool:
-        """Hand a job on without counting a loss: accepted again, next in the queue."""
+        """Hand a job on without counting a loss, next in the queue; whether it is to be sent again."""
         with self._lock:
             entry = self._held(job_id, token)
-            if entry is not None:
-                self._hand_on(entry)
-            return entry is not None
+            return entry is not None and self._hand_on(entry, 0)
 
     def disown(self, job_id: str, token: int, kept: Kept) -> bool:
         """Forget what former attempts told but for this: the present one does not go on from the rest."""
@@ -225,7 +216,7 @@ class MemoryJobStore:
         """Give a job up whose runner died, counting a loss; whether it is to be sent again."""
         with self._lock:
             entry = self._held(job_id, token)
-            return entry is not None and self._lose(entry) is JobStatus.ACCEPTED
+            return entry is not None and self._hand_on(entry, 1)
 
     def seal(self, job_id: str, token: int) -> Renewal:
         """Learn a last time whether to end as cancelled; from then on a cancel comes too late."""
@@ -250,14 +241,13 @@ class MemoryJobStore:
             entry.committed = (token, outcome)
             if kept is not None:
                 entry.keep(kept)
-            cancelled = entry.job.status is JobStatus.CANCELLING
             self._move(
                 entry,
-                JobStatus.CANCELLED if cancelled else outcome.status,
-                stop_reason="cancelled" if cancelled else outcome.stop_reason,
-                stop_detail=None if cancelled else outcome.stop_detail,
-                error=None if cancelled else outcome.error,
-                result_iteration=None if cancelled else outcome.result_iteration,
+                outcome.status,
+                stop_reason=outcome.stop_reason,
+                stop_detail=outcome.stop_detail,
+                error=outcome.error,
+                result_iteration=outcome.result_iteration,
                 best_iteration=outcome.best_iteration,
             )
             return True
@@ -265,8 +255,14 @@ class MemoryJobStore:
     def lost(self, limit: int | None = None, *, counted: bool = True) -> list[str]:
         """Free jobs whose lease ran out, the longest first; returns those to be sent again.
 
-        Each is a loss, and poison ones are failed, unless no worker is to blame and none is counted.
+        Each is a loss, unless no worker is to blame and none is counted. Those to be ended stay `overdue`.
         """
+        with self._lock:
+            overdue = self.overdue(limit)
+            return [job_id for job_id in overdue if self._hand_on(self._entries[job_id], int(counted))]
+
+    def overdue(self, limit: int | None = None) -> list[str]:
+        """Return jobs whose lease ran out, the longest first."""
         with self._lock:
             overdue = [
                 entry
@@ -274,8 +270,7 @@ class MemoryJobStore:
                 if entry.job.status in AT_WORK and not entry.leased(self._clock())
             ]
             overdue.sort(key=lambda entry: entry.job.lease_until or 0.0)
-            free = self._lose if counted else self._hand_on
-            return [e.job.id for e in overdue[:limit] if free(e) is JobStatus.ACCEPTED]
+            return [entry.job.id for entry in overdue[:limit]]
 
     def waiting(self, older_than_s: float, limit: int | None = None) -> list[str]:
         """Return accepted jobs queued for longer than that, oldest first."""
@@ -323,15 +318,21 @@ class MemoryJobStore:
         self._complete = name == "rebuild"
         return self._complete
 
+    def era(self) -> str:
+        """Return the name of the rebuild."""
+        return "rebuild"
+
     def unknown(self, job_ids: Sequence[str]) -> list[str]:
         """Return those of which there is neither a record nor a tombstone."""
         with self._lock:
             return [i for i in job_ids if i not in self._entries and i not in self._gone]
 
-    def restore(self, job: Job, rows: Sequence[Mapping[str, float | int]], *, spent_s: float = 0.0) -> bool:
+    def restore(
+        self, job: Job, rows: Sequence[Mapping[str, float | int]], *, spent_s: float = 0.0, era: str = ""
+    ) -> bool:
         """Record a job again; token and revision begin beyond all earlier ones. False if it is known, or deleted."""
         with self._lock:
-            if not self.unknown([job.id]):
+            if not self.unknown([job.id]) or era not in {"", self.era()}:
                 return False
             fresh = max(round(self._clock() * 1000), job.token + 1)
             entry = Entry(replace(job, token=fresh, rev=fresh), job.spec.created_at)
@@ -351,16 +352,10 @@ class MemoryJobStore:
         entry = self._entries.get(job_id)
         return entry if entry is not None and entry.held(token) else None
 
-    def _hand_on(self, entry: Entry) -> JobStatus:
-        return self._moved(entry, entry.hand_on(self._clock()))
-
-    def _lose(self, entry: Entry) -> JobStatus:
-        return self._moved(entry, entry.lose(self._clock(), self._max_losses))
+    def _hand_on(self, entry: Entry, more: int) -> bool:
+        return entry.hand_on(self._clock(), self._max_losses, more) is JobStatus.ACCEPTED
 
     def _move(self, entry: Entry, to: JobStatus, **changes: object) -> None:
-        self._moved(entry, entry.move(to, self._clock(), **changes))
-
-    def _moved(self, entry: Entry, to: JobStatus) -> JobStatus:
+        entry.move(to, self._clock(), **changes)
         if to.done:
             self._unsettled.add(entry.job.id)
-        return to

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import Final
 
-from spherify.jobs.model import LEGAL_MOVES, Job, JobError, JobStatus, Outcome
+from spherify.jobs.model import LEGAL_MOVES, Job, JobStatus, Outcome
 from spherify.jobs.ports import Claim, ClaimOutcome, Kept
 
 AT_WORK: Final = (JobStatus.RUNNING, JobStatus.CANCELLING)
@@ -35,11 +35,15 @@ class Entry:
     claimed_at: float | None = None
     spent_s: float = 0.0
 
-    @property
-    def claimed(self) -> Claim:
-        """What the present attempt is told."""
+    def claimed(self, most: int) -> Claim:
+        """Return what whoever holds it is told."""
         job = self.job
-        return Claim(ClaimOutcome.CLAIMED, job.token, self.spent_s, job.attempt, job.losses)
+        outcome = ClaimOutcome.ENDING if self.ending(most) else ClaimOutcome.CLAIMED
+        return Claim(outcome, job.token, self.spent_s, job.attempt, job.losses)
+
+    def ending(self, most: int) -> bool:
+        """Whether it is not to be computed any more: to be cancelled, or lost more often than that."""
+        return self.job.status is JobStatus.CANCELLING or self.job.losses > most
 
     def held(self, token: int) -> bool:
         """Whether the attempt of this token is the present one and still at work."""
@@ -55,21 +59,36 @@ class Entry:
         self.job = replace(self.job, snapshots=snapshots)
         self.rows = {i: row for i, row in self.rows.items() if i in kept.rows}
 
-    def hand_on(self, now: float) -> JobStatus:
-        """Let it wait again, or end as cancelled if that was asked; returns the new state."""
-        if self.job.status is JobStatus.CANCELLING:
-            return self.move(JobStatus.CANCELLED, now, stop_reason="cancelled")
-        return self.move(JobStatus.ACCEPTED, now)
+    def take(self, worker: str, claimant: str, now: float, lease_until: float, most: int) -> None:
+        """Give it to whoever claims it, with a loss counted if somebody held it; an attempt unless it is `ending`."""
+        if self.job.status is JobStatus.RUNNING and not self.ending(most):
+            self.job = replace(self.job, losses=self.job.losses + 1)
+        self._let_go(now)
+        job = self.job
+        if not self.ending(most):
+            job = replace(job, attempt=job.attempt + 1, started_at=job.started_at or now)
+        to = JobStatus.CANCELLING if job.status is JobStatus.CANCELLING else JobStatus.RUNNING
+        self.job = replace(
+            job, status=to, rev=job.rev + 1, token=job.token + 1, worker=worker, lease_until=lease_until
+        )
+        self.claimant, self.claimed_at = claimant, now
 
-    def lose(self, now: float, most: int) -> JobStatus:
-        """Hand it on with a loss counted, or fail it when these are more than ``most``; returns the new state."""
-        if self.job.status is JobStatus.CANCELLING:
-            return self.hand_on(now)
-        losses = self.job.losses + 1
-        if losses > most:
-            error = JobError("worker-lost", f"its worker was lost {losses} times")
-            return self.move(JobStatus.FAILED, now, losses=losses, error=error)
-        return self.move(JobStatus.ACCEPTED, now, losses=losses)
+    def hand_on(self, now: float, most: int, more: int) -> JobStatus:
+        """Let it wait again, or, if it is `ending`, leave it without a lease; the new state.
+
+        Args:
+            now: by the store's clock.
+            most: losses that it may have.
+            more: how many this is: 1, or 0 if nobody is to blame.
+
+        """
+        if more > 0 and not self.ending(most):
+            job = self.job  # whose worker may only have slept: it is fenced
+            self.job = replace(job, losses=job.losses + more, token=job.token + 1, rev=job.rev + 1)
+        if self.ending(most):
+            self.job = replace(self.job, lease_until=now)
+            return self.job.status
+        return self.move(JobStatus.ACCEPTED, now)
 
     def move(self, to: JobStatus, now: float, **changes: object) -> JobStatus:
         """Bring it to another state, and out of what the old one stood in; returns that state.
@@ -83,10 +102,13 @@ class Entry:
         if to.done:
             changes["finished_at"] = now
         if to not in AT_WORK:
-            changes.update(lease_until=None, worker=None)
-            self.sealed = False
-            if self.claimed_at is not None:
-                self.spent_s += now - self.claimed_at
-                self.claimed_at = None
+            self._let_go(now)
         self.job = replace(self.job, status=to, rev=self.job.rev + 1, **changes)  # type: ignore[arg-type] # fields of Job, checked by replace
         return to
+
+    def _let_go(self, now: float) -> None:
+        self.job = replace(self.job, lease_until=None, worker=None)
+        self.sealed = False
+        if self.claimed_at is not None:
+            self.spent_s += now - self.claimed_at
+            self.claimed_at = None

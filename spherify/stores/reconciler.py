@@ -44,11 +44,13 @@ class Rounds:
         self._lead = lead
         self._silence_s = period_s + OUTAGE_SHARE * lease_s
         self._clock = clock
-        self._heard_at = clock()
+        self._period_s = period_s
+        self._heard_at = self._led_at = clock()
 
     def go(self) -> None:
         """Scan if this process leads; raises `StoreUnavailableError`."""
         leads = self._lead()
+        self._led_at = self._clock()
         silent = self._clock() - self._heard_at > self._silence_s
         self._heard_at = self._clock()
         if not leads:
@@ -56,9 +58,15 @@ class Rounds:
         if silent:
             self._reconciler.after_outage()
         try:
-            self._reconciler.scan(still=self._lead)
+            self._reconciler.scan(still=self._still)
         finally:  # of a scan that failed too: when only the files are away, leases run out as ever
             self._heard_at = self._clock()
+
+    def _still(self) -> None:
+        """Stay the leader; asked for each file of a rebuild, and does so once a period."""
+        if self._clock() - self._led_at >= self._period_s:
+            self._lead()
+            self._led_at = self._clock()
 
 
 class ReconcilerThread(threading.Thread):

@@ -27,7 +27,7 @@ from spherify.jobs.model import Job, JobSpec, JobStatus, Outcome, Progress, Snap
 from spherify.jobs.ports import CancelOutcome, Claim, ClaimOutcome, Kept, Page, Renewal
 from spherify.stores import keys
 from spherify.stores.client import Scripts, reachable
-from spherify.stores.epoch import REBUILDING, is_complete, require_complete
+from spherify.stores.epoch import REBUILDING, complete_throughout, is_complete
 from spherify.stores.records import fields_of, hash_of, job_of
 
 log = logging.getLogger(__name__)
@@ -51,9 +51,11 @@ class RedisJobStore:
 
     def add(self, spec: JobSpec) -> Job:
         """Record and queue a new job, in one transaction; again changes nothing. Raises `MeshNotFoundError`."""
-        more_keys = [keys.gone(spec.id), keys.mesh(spec.mesh_id)]
-        if self._run("add", spec.id, [dump_record(spec), *_indexes(spec)], more_keys=more_keys) == "no-mesh":
-            self._require_complete()
+        more_keys = [keys.gone(spec.id), keys.mesh(spec.mesh_id), keys.EPOCH]
+        answer = self._run("add", spec.id, [dump_record(spec), *_indexes(spec)], more_keys=more_keys)
+        if answer == "incomplete":
+            raise StoreUnavailableError(REBUILDING)
+        if answer == "no-mesh":
             raise MeshNotFoundError(f"there is no mesh {spec.mesh_id}")
         return self.get(spec.id)
 
@@ -76,12 +78,11 @@ class RedisJobStore:
             part = left[:_JOBS_A_CALL]
             names = [name for i in part for name in (keys.job(i), keys.snapshots(i), keys.gone(i))]
             args = [arg for i in part for arg in (i, _revision(known[i], i))]
-            answers = self._scripts("read", [keys.QUEUED, *names], [_SNAPSHOTS_A_CALL, *args], common=False)
+            answers = self._scripts(
+                "read", [keys.QUEUED, keys.EPOCH, *names], [_SNAPSHOTS_A_CALL, *args], common=False
+            )
             found |= {i: _as_found(i, known[i], answer) for i, answer in zip(part, answers, strict=False)}
             left = left[len(answers) :]
-        if any(isinstance(job, JobNotFoundError) for job in found.values()) and not self.complete():
-            lost = StoreUnavailableError(REBUILDING)  # what is not there may come back
-            found |= {i: lost for i, job in found.items() if isinstance(job, JobNotFoundError)}
         return found
 
     def find(
@@ -103,27 +104,30 @@ class RedisJobStore:
             else keys.BY_STATUS + status if status is not None
             else keys.JOBS
         )  # fmt: skip
-        self._require_complete()
         since = "-" if created_after is None else f"[{earliest_job_id(created_after)}"
         found: list[Job] = []
-        for job in self._walk(index, since, "+" if cursor is None else f"({cursor}", limit + 1):
-            if (
-                (status is None or job.status is status)
-                and (tag is None or tag in job.spec.tags)
-                and (created_after is None or job.spec.created_at > created_after)
-            ):
-                found.append(job)
-                if len(found) > limit:
-                    return Page(tuple(found[:limit]), found[limit - 1].id)
-        return Page(tuple(found), None)
+        with complete_throughout(self._client):
+            for job in self._walk(index, since, "+" if cursor is None else f"({cursor}", limit + 1):
+                if (
+                    (status is None or job.status is status)
+                    and (tag is None or tag in job.spec.tags)
+                    and (created_after is None or job.spec.created_at > created_after)
+                ):
+                    found.append(job)
+                    if len(found) > limit:
+                        return Page(tuple(found[:limit]), found[limit - 1].id)
+            return Page(tuple(found), None)
 
     def metrics(self, job_id: str) -> list[dict[str, float | int]]:
         """Return the recorded time series, ascending by ``iteration``; raises as `get` does."""
-        with reachable():
-            rows: list[str] = self._client.hvals(keys.rows(job_id))  # type: ignore[assignment] # client is not async
-        if not rows:
-            self.get(job_id)
-        return sorted(map(_loads, rows), key=lambda row: row["iteration"])
+        while True:
+            with reachable(), self._client.pipeline(transaction=True) as pipe:
+                pipe.exists(keys.job(job_id))
+                pipe.hvals(keys.rows(job_id))
+                known, rows = pipe.execute()
+            if known:
+                return sorted(map(_loads, rows), key=lambda row: row["iteration"])
+            self.get(job_id)  # which says why it is not there, unless it has just come back
 
     def delete(self, job_id: str) -> None:
         """Forget a terminal job, leaving a tombstone; raises `JobNotFinishedError`, `JobNotFoundError`."""
@@ -138,16 +142,16 @@ class RedisJobStore:
             raise JobNotFinishedError(f"{job_id} is not finished: cancel it first")
 
     def request_cancel(self, job_id: str) -> CancelOutcome:
-        """Cancel a waiting job at once, or flag a running one."""
-        outcome = CancelOutcome(self._run("cancel", job_id, []))
-        if outcome is CancelOutcome.UNKNOWN:
-            self._require_complete()
-        return outcome
+        """Cancel a job that nobody ever held at once, or flag any other."""
+        answer = self._run("cancel", job_id, [], more_keys=[keys.EPOCH])
+        if answer == "incomplete":
+            raise StoreUnavailableError(REBUILDING)
+        return CancelOutcome(answer)
 
-    def claim(self, job_id: str, worker: str, claimant: str = "") -> Claim:
+    def claim(self, job_id: str, worker: str, claimant: str = "", *, to_end: bool = False) -> Claim:
         """Take the lease and the next fencing token; the same ones again for a claimant who did not hear the answer."""
         outcome, token, spent_ms, attempt, losses = self._run(
-            "claim", job_id, [worker, self._lease_ms, self._max_losses, claimant]
+            "claim", job_id, [worker, self._lease_ms, self._max_losses, claimant, int(to_end)]
         )
         return Claim(ClaimOutcome(outcome), int(token), int(spent_ms) / 1000, int(attempt), int(losses))
 
@@ -179,8 +183,8 @@ class RedisJobStore:
         return bool(self._run("snapshot", job_id, args, more_keys=[keys.snapshots(job_id)]))
 
     def release(self, job_id: str, token: int) -> bool:
-        """Hand a job on without counting a loss: accepted again, next in the queue."""
-        return bool(self._run("release", job_id, [token]))
+        """Hand a job on without counting a loss, next in the queue; whether it is to be sent again."""
+        return bool(self._run("release", job_id, [token, self._max_losses]) == JobStatus.ACCEPTED)
 
     def disown(self, job_id: str, token: int, kept: Kept) -> bool:
         """Forget what former attempts told but for this: the present one does not go on from the rest."""
@@ -189,7 +193,7 @@ class RedisJobStore:
 
     def lose(self, job_id: str, token: int) -> bool:
         """Give a job up whose runner died, counting a loss; whether it is to be sent again."""
-        return bool(self._run("lose", job_id, [token, self._max_losses]) == JobStatus.ACCEPTED)
+        return bool(self._run("lose", job_id, [token, self._max_losses, 1]) == JobStatus.ACCEPTED)
 
     def seal(self, job_id: str, token: int) -> Renewal:
         """Learn a last time whether to end as cancelled; from then on a cancel comes too late."""
@@ -205,17 +209,20 @@ class RedisJobStore:
     def lost(self, limit: int | None = None, *, counted: bool = True) -> list[str]:
         """Free jobs whose lease ran out, the longest first; returns those to be sent again.
 
-        Each is a loss, and poison ones are failed, unless no worker is to blame and none is counted.
+        Each is a loss, unless no worker is to blame and none is counted. Those to be ended stay `overdue`.
         """
         lost = []
-        most = self._max_losses if counted else ""
         for job_id in self._until(keys.LEASES, 0, limit):
             try:
-                if self._run("lose", job_id, ["", most]) == JobStatus.ACCEPTED:
+                if self._run("lose", job_id, ["", self._max_losses, int(counted)]) == JobStatus.ACCEPTED:
                     lost.append(job_id)
             except redis.ResponseError:  # a record of another form: its trouble is not the others'
                 log.exception("its record cannot be read", extra={"job_id": job_id, "action": "lost"})
         return lost
+
+    def overdue(self, limit: int | None = None) -> list[str]:
+        """Return jobs whose lease ran out, the longest first."""
+        return self._until(keys.LEASES, 0, limit)
 
     def waiting(self, older_than_s: float, limit: int | None = None) -> list[str]:
         """Return accepted jobs queued for longer than that, oldest first."""
@@ -239,7 +246,8 @@ class RedisJobStore:
 
     def ping(self) -> None:
         """Raise `StoreUnavailableError` unless the server answers, and the records are all there."""
-        self._require_complete()
+        if not self.complete():
+            raise StoreUnavailableError(REBUILDING)
 
     def complete(self) -> bool:
         """Whether the records are all there, as far as the server knows."""
@@ -256,6 +264,12 @@ class RedisJobStore:
         """Declare the records complete; False if they were lost once more since that rebuild began."""
         return bool(self._scripts("rebuilt", [keys.REBUILD, keys.EPOCH], [name], common=False))
 
+    def era(self) -> str:
+        """Return the name of the rebuild after which all records were there, or of the one under way; "" if none is."""
+        with reachable():
+            ended, under_way = self._client.mget(keys.EPOCH, keys.REBUILD)
+        return str(ended or under_way or "")
+
     def unknown(self, job_ids: Sequence[str]) -> list[str]:
         """Return those of which there is neither a record nor a tombstone."""
         with reachable(), self._client.pipeline(transaction=False) as pipe:
@@ -263,25 +277,25 @@ class RedisJobStore:
                 pipe.exists(keys.job(job_id), keys.gone(job_id))
             return [job_id for job_id, found in zip(job_ids, pipe.execute(), strict=True) if not found]
 
-    def restore(self, job: Job, rows: Sequence[Mapping[str, float | int]], *, spent_s: float = 0.0) -> bool:
+    def restore(
+        self, job: Job, rows: Sequence[Mapping[str, float | int]], *, spent_s: float = 0.0, era: str = ""
+    ) -> bool:
         """Record a job again; token and revision begin beyond all earlier ones. False if it is known, or deleted."""
         args = [
             dumps(hash_of(job) | {"spent": str(round(spent_s * 1000))}),
             dumps({str(row["iteration"]): dumps(dict(row)) for row in rows}),
             dumps({str(snapshot.iteration): dump_record(snapshot) for snapshot in job.snapshots}),
             job.token + 1,
+            era,
             *_indexes(job.spec),
         ]
-        more_keys = [keys.gone(job.id), keys.rows(job.id), keys.snapshots(job.id)]
+        more_keys = [keys.gone(job.id), keys.rows(job.id), keys.snapshots(job.id), keys.REBUILD, keys.EPOCH]
         return bool(self._run("restore", job.id, args, more_keys=more_keys))
 
     def bury(self, job_id: str, seconds: float) -> None:
         """Leave the tombstone of a job that was deleted, for so long."""
         with reachable():
             self._client.set(keys.gone(job_id), "1", ex=max(round(seconds), 1))
-
-    def _require_complete(self) -> None:
-        require_complete(self._client)
 
     def _until(self, index: str, ago_s: float, limit: int | None) -> list[str]:
         """Return the ids of an index by time whose moment was that long ago, by the server's clock."""
@@ -306,6 +320,8 @@ class RedisJobStore:
             for job in self.get_all(dict.fromkeys(ids)).values():
                 if isinstance(job, Job):
                     yield job
+                elif isinstance(job, StoreUnavailableError):
+                    raise job
             if len(ids) < at_once:
                 return
             before, at_once = f"({ids[-1]}", _CHUNK
@@ -324,6 +340,8 @@ def _as_found(job_id: str, known: Job | None, answer: Any) -> Job | JobsError:  
     """Return what the script found of one job."""
     if answer is None:
         return JobNotFoundError(f"there is no job {job_id}")
+    if answer == 0:
+        return StoreUnavailableError(REBUILDING)
     if answer == 1:
         return JobGoneError(f"{job_id} was deleted")
     _, position, *rest = answer

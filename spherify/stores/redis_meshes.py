@@ -9,12 +9,12 @@ from typing import Final
 import redis
 
 from spherify.jobs.codec import dump_record, load_mesh_record
-from spherify.jobs.errors import InvalidCursorError, MeshInUseError, MeshNotFoundError
+from spherify.jobs.errors import InvalidCursorError, MeshInUseError, MeshNotFoundError, StoreUnavailableError
 from spherify.jobs.model import MeshRecord
 from spherify.jobs.ports import Page
 from spherify.stores import keys
 from spherify.stores.client import Scripts, reachable
-from spherify.stores.epoch import require_complete
+from spherify.stores.epoch import REBUILDING, complete_throughout
 
 _CHUNK: Final = 200
 
@@ -34,28 +34,30 @@ class RedisMeshStore:
     def get(self, mesh_id: str) -> MeshRecord:
         """Return one record; raises `MeshNotFoundError`."""
         with reachable():
-            text = self._client.get(keys.mesh(mesh_id))
+            text, complete = self._client.mget(keys.mesh(mesh_id), keys.EPOCH)
+        if text is None and complete is None:
+            raise StoreUnavailableError(REBUILDING)
         if text is None:
-            require_complete(self._client)
             raise MeshNotFoundError(f"there is no mesh {mesh_id}")
         return load_mesh_record(str(text))
 
     def find(self, *, limit: int = 50, cursor: str | None = None) -> Page[MeshRecord]:
         """Return a page of meshes, newest first; raises `InvalidCursorError`."""
         before = mesh_cursor(cursor)
-        require_complete(self._client)
         found: list[MeshRecord] = []
-        while True:
-            entries, more = self._below(before)
-            with reachable():
-                texts = self._client.mget([keys.mesh(mesh_id) for _, mesh_id in entries]) if entries else []
-            found += [load_mesh_record(text) for text in texts if text is not None]
-            if len(found) > limit:
-                last = found[limit - 1]
-                return Page(tuple(found[:limit]), f"{last.created_at!r}~{last.id}")
-            if not more:
-                return Page(tuple(found), None)
-            before = entries[-1]
+        with complete_throughout(self._client):
+            while True:
+                entries, more = self._below(before)
+                with reachable():
+                    names = [keys.mesh(mesh_id) for _, mesh_id in entries]
+                    texts = self._client.mget(names) if names else []
+                found += [load_mesh_record(text) for text in texts if text is not None]
+                if len(found) > limit:
+                    last = found[limit - 1]
+                    return Page(tuple(found[:limit]), f"{last.created_at!r}~{last.id}")
+                if not more:
+                    return Page(tuple(found), None)
+                before = entries[-1]
 
     def _below(self, before: tuple[float, str]) -> tuple[list[tuple[float, str]], bool]:
         """Return the next entries (time, id) below one, newest first, and whether there may be more.
@@ -74,12 +76,13 @@ class RedisMeshStore:
         """Forget a mesh; raises `MeshInUseError` while any job names it, `MeshNotFoundError`."""
         answer = self._scripts(
             "delete_mesh",
-            [keys.mesh(mesh_id), keys.MESHES, keys.BY_MESH + mesh_id],
+            [keys.mesh(mesh_id), keys.MESHES, keys.BY_MESH + mesh_id, keys.EPOCH],
             [mesh_id],
             common=False,
         )
+        if answer == "incomplete":  # a job that names it may be among those that come back
+            raise StoreUnavailableError(REBUILDING)
         if answer == "unknown":
-            require_complete(self._client)
             raise MeshNotFoundError(f"there is no mesh {mesh_id}")
         if answer == "in-use":
             raise MeshInUseError(f"a job names the mesh {mesh_id}: delete the job first")

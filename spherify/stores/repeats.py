@@ -7,11 +7,11 @@ from typing import Final
 
 import redis
 
-from spherify.jobs.errors import KeyReusedError, RequestInProgressError
+from spherify.jobs.errors import KeyReusedError, RequestInProgressError, StoreUnavailableError
 from spherify.jobs.repeats import KEPT_S, Beginning
 from spherify.stores import keys
 from spherify.stores.client import Scripts, reachable
-from spherify.stores.epoch import require_complete
+from spherify.stores.epoch import REBUILDING
 
 BUSY_S: Final = 10.0
 """After which whoever took a key up is dead, or slow: doing it twice under one identity is harmless."""
@@ -30,8 +30,7 @@ class RedisRepeatStore:
         args = [fingerprint, identity, self._busy_ms, KEPT_S]
         found, content = self._scripts("begin", [keys.repeat(key), keys.EPOCH], args, common=False)
         if found == "incomplete":
-            require_complete(self._client)
-            raise RequestInProgressError  # the rebuild has ended this moment
+            raise StoreUnavailableError(REBUILDING)
         if found == "reused":
             raise KeyReusedError
         if found == "busy":

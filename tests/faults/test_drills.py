@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import errno
 import os
+import signal
 import socket
 import subprocess
 import sys
@@ -19,6 +20,9 @@ from pathlib import Path
 import httpx
 import pytest
 
+from spherify.jobs.cancel import cancel
+from spherify.jobs.model import JobStatus
+from spherify.jobs.ports import CancelOutcome
 from tests.faults.campaign import SHORT, campaign, say
 from tests.faults.chaos import ChaosProxy
 from tests.faults.ledger import Ledger, Verdict, judge
@@ -26,8 +30,10 @@ from tests.faults.leftovers import assert_nothing_left, usage
 from tests.faults.logs import Logs
 from tests.faults.polling import Clients
 from tests.faults.specimens import Specimen, specimen
+from tests.jobs.examples import ENDLESS, job_spec, stone, store_mesh
 from tests.processes import below
 from tests.stack import ROOT, Stack, started_stack, wait_for
+from tests.worker.observation import actions, runner_of, submitted
 
 pytestmark = [pytest.mark.drill, pytest.mark.timeout(4 * 3600)]
 CLOCK = Path(__file__).parent / "clock"
@@ -39,6 +45,7 @@ SOAK_KILLS = ("kill_worker", "kill_child", "kill_runner", "freeze_worker")
 SOAK_FAULTS = ("kill_worker", "kill_child", "kill_runner", "kill_broker", "stop_worker", "freeze_worker")
 AS_DELIVERED: dict[str, str] = {}  # lease 30 s, heartbeat 5 s, scan 5 s, 3 losses
 EXIT_S = 10.0  # from SIGTERM to the end of a worker
+DEAF_ATTEMPTS = 5  # at jobs whose runners do not hear that their worker is to end
 REBUILD_S = 30.0  # from the loss of all records until they are back
 LONG = 500  # iterations of a job that takes seconds
 RECOVERY_S = 45.0  # lease, scan, and 10 s for everything else
@@ -64,6 +71,29 @@ def test_rolling_restarts(tmp_path: Path) -> None:
         assert max(one.exits) <= EXIT_S
         assert one.most_losses() == 0, "a worker that is told to stop hands on"
         assert one.figures["resumed"] >= 1
+
+
+def test_workers_with_deaf_runners_are_stopped_in_time(tmp_path: Path) -> None:
+    """Two runners stand still, as in a long call of a library, and are killed after the grace as it is delivered."""
+    exits: list[float] = []
+    with started_stack(tmp_path, workers=0, api=False, environment=AS_DELIVERED) as stack:
+        store_mesh(stack.stores.meshes, stack.stores.blobs, stone())
+        jobs = [submitted(stack, job_spec(**ENDLESS, snapshots="2")) for _ in range(2)]
+        for attempt in range(1, DEAF_ATTEMPTS + 1):
+            worker = stack.start_worker("deaf", concurrency=2)
+            for job_id in jobs:
+                wait_for(lambda i=job_id, n=attempt: actions(stack, i).count("start") == n, limit_s=60)
+                os.kill(runner_of(stack, job_id), signal.SIGSTOP)
+            began = time.monotonic()
+            worker.send_signal(signal.SIGTERM)
+            assert worker.wait(60) == 0
+            exits.append(time.monotonic() - began)
+        for job_id in jobs:
+            job = stack.stores.jobs.get(job_id)
+            assert (job.status, job.losses, job.attempt) == (JobStatus.ACCEPTED, 0, DEAF_ATTEMPTS)
+            assert cancel(stack.stores.jobs, stack.stores.blobs, job_id) is CancelOutcome.CANCELLED
+    say(f"with deaf runners a worker ended within {max(exits):.1f} s: {[round(s, 1) for s in exits]}")
+    assert max(exits) <= EXIT_S
 
 
 def test_campaign_of_150_jobs_under_silence_and_sleep(tmp_path: Path, specimens: list[Specimen]) -> None:

@@ -10,7 +10,7 @@ import redis
 
 from spherify.jobs import layout
 from spherify.jobs.codec import dump_record
-from spherify.jobs.rebuild import Stock
+from spherify.jobs.stock import Stock
 from spherify.settings import Settings
 from spherify.stores.connect import open_stores
 from spherify.stores.embedded import EmbeddedServer

@@ -12,10 +12,13 @@ import pytest
 from spherify.jobs import layout
 from spherify.jobs.cancel import cancel
 from spherify.jobs.errors import StorageFullError, StoreUnavailableError
+from spherify.jobs.finish import conclude
 from spherify.jobs.model import JobStatus
 from spherify.jobs.ports import BlobStat, CancelOutcome, ClaimOutcome, Renewal
-from spherify.jobs.rebuild import Stock, rebuild, restore_job
+from spherify.jobs.rebuild import rebuild
+from spherify.jobs.restore import restore_job
 from spherify.jobs.results import read_result
+from spherify.jobs.stock import Stock
 from spherify.stores.blobs import FolderBlobStore
 from tests.jobs.world import submitted
 
@@ -131,3 +134,23 @@ def test_a_cancel_that_came_too_late_leaves_nothing_that_cancels_the_job_later(
     lose()  # and the attempt died
     assert rebuild(stock)
     assert stock.jobs.get(spec.id).status is JobStatus.ACCEPTED
+
+
+@pytest.mark.parametrize("told", [False, True], ids=["written", "told"])
+def test_whoever_cancels_is_not_told_that_it_was_too_late_for_it(
+    stock: Stock, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, told: bool
+) -> None:
+    """The worker is quicker than the answer, and may not have come to tell the record yet."""
+
+    class Slow(FolderBlobStore):
+        def read(self, key: str) -> bytes:
+            with monkeypatch.context() as patch:
+                if not told:
+                    patch.setattr(stock.jobs, "commit", lambda *_: False)
+                conclude(stock.jobs, stock.blobs, spec.id, token)
+            return super().read(key)
+
+    spec = submitted(stock)
+    token = stock.jobs.claim(spec.id, "w").token
+    outcome = CancelOutcome.CANCELLED if told else CancelOutcome.CANCELLING
+    assert cancel(stock.jobs, Slow(tmp_path / "blobs"), spec.id) is outcome

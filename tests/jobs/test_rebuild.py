@@ -28,10 +28,11 @@ from spherify.jobs.ids import new_job_id
 from spherify.jobs.inventory import Inventory
 from spherify.jobs.model import JobError, JobSpec, JobStatus, Outcome, Progress, RequestKey, Snapshot
 from spherify.jobs.ports import CancelOutcome
-from spherify.jobs.rebuild import Stock, rebuild
+from spherify.jobs.rebuild import rebuild
 from spherify.jobs.repeats import KEPT_S, Beginning
 from spherify.jobs.results import Result, write_result
 from spherify.jobs.settle import settle
+from spherify.jobs.stock import Stock
 from spherify.jobs.submit import submit
 from spherify.stores import keys
 from spherify.stores.arrays import dump_arrays
@@ -190,6 +191,9 @@ def test_what_was_deleted_stays_deleted(stock: Stock, lose: Callable[[], object]
     with pytest.raises(MeshNotFoundError):
         stock.meshes.get(other.id)
     assert [job.id for job in stock.jobs.find().items] == [kept.id]
+    assert list(stock.blobs.folders(layout.jobs())) == [kept.id], (
+        "else it would come back after the tombstone"
+    )
 
 
 def test_until_everything_is_back_nothing_is_said_to_be_missing(
@@ -237,25 +241,6 @@ def test_a_job_that_a_client_was_refused_never_comes_back(stock: Stock, lose: Ca
     assert stock.jobs.get(spec.id).status is JobStatus.ACCEPTED
 
 
-def test_records_lost_once_more_during_the_rebuild_are_rebuilt_again(
-    stock: Stock, lose: Callable[[], object]
-) -> None:
-    specs = [submitted(stock) for _ in range(3)]
-    lose()
-    steps: list[int] = []
-
-    def still() -> None:
-        steps.append(1)
-        if len(steps) == 3:
-            lose()
-
-    assert rebuild(stock, still)
-    assert not stock.jobs.complete()
-    assert rebuild(stock)
-    assert stock.jobs.complete()
-    assert {job.id for job in stock.jobs.find().items} == {spec.id for spec in specs}
-
-
 @pytest.mark.parametrize("content", [b"", b"{", b"[]", b'{"id": 1}'])
 def test_files_of_another_form_are_not_in_the_way(
     stock: Stock, lose: Callable[[], object], content: bytes
@@ -263,7 +248,8 @@ def test_files_of_another_form_are_not_in_the_way(
     spoilt, whole = job_spec(), job_spec()
     stock.blobs.create(layout.spec(spoilt.id), content)
     stock.blobs.create("meshes/mesh_spoilt/record.json", content)
-    stock.blobs.create("jobs/no-job/spec.json", dump_record(whole).encode())
+    for name in ("no-job", job_spec().id):
+        stock.blobs.create(layout.spec(name), dump_record(whole).encode())
     submit(stock.jobs, stock.blobs, stock.queue, whole)
     lose()
     assert rebuild(stock)
@@ -271,17 +257,25 @@ def test_files_of_another_form_are_not_in_the_way(
     assert [mesh.id for mesh in stock.meshes.find().items] == [MESH_ID]
 
 
-def test_a_state_of_another_form_is_not_in_the_way_of_its_job(
-    stock: Stock, lose: Callable[[], object], caplog: pytest.LogCaptureFixture
+def test_files_of_others_beside_ours_are_not_in_the_way_of_a_job(
+    stock: Stock, lose: Callable[[], object], tmp_path: Path
 ) -> None:
     spec = submitted(stock)
+    write_account(stock.blobs, spec.id, replace(stock.jobs.claim(spec.id, "w"), losses=1))
     key = layout.numbered(layout.snapshots(spec.id), 1, 0)
-    stock.blobs.create(key, dump_arrays({rows.ROWS: np.zeros(3)}))
+    stock.blobs.create(key, dump_arrays({"vertices": np.zeros((3, 3)), rows.ROWS: np.zeros(3)}))
+    stock.blobs.create(layout.cancel(spec.id), b"")
+    for folder in (layout.snapshots(spec.id), layout.attempts(spec.id), layout.checkpoints(spec.id)):
+        for name in ("notes.txt", ".nfs0001", "1.json", "x-1.npz"):
+            path = tmp_path / "blobs" / folder / name
+            path.parent.mkdir(exist_ok=True)
+            path.write_bytes(b"")
     lose()
     rebuild(stock)
     job = stock.jobs.get(spec.id)
-    assert (job.status, job.snapshots) == (JobStatus.ACCEPTED, ())
-    assert "restored without its snapshots" in caplog.messages
+    assert (job.status, job.losses) == (JobStatus.CANCELLED, 1)
+    assert [(snapshot.key, snapshot.metrics) for snapshot in job.snapshots] == [(key, {})]
+    assert stock.blobs.stat(key) is not None, "it can be served"
 
 
 # A server that lost some records and kept the others
@@ -291,7 +285,7 @@ def rounds(stock: Stock, number: int = 3, slice_: int = 2) -> list[str]:
     """Look until that many rounds are over; returns what was restored."""
     now = [0.0]
     look = Inventory(stock, slice_=slice_, clock=lambda: now[0])
-    restored = []
+    restored: list[str] = []
     for _ in range(number):
         now[0] += inventory.ROUND_S
         for _ in range(20):
@@ -307,6 +301,53 @@ def test_a_record_that_alone_is_lost_is_restored(stock: Stock, client: redis.Red
     assert stock.jobs.get(specs[2].id).status is JobStatus.ACCEPTED
     assert stock.meshes.get(MESH_ID) == mesh_record()
     assert rounds(stock) == []
+
+
+def test_what_is_left_of_a_deleted_job_goes_though_the_server_forgot_that_it_was(
+    stock: Stock, client: redis.Redis, caplog: pytest.LogCaptureFixture
+) -> None:
+    spec = ended(stock, Outcome(JobStatus.SUCCESSFUL))
+    stock.blobs.create(layout.tombstone(spec.id), b"")
+    stock.jobs.delete(spec.id)  # and then the process died, with all files in place
+    client.delete(keys.gone(spec.id), keys.UNSETTLED)
+    assert rounds(stock) == []
+    assert list(stock.blobs.folders(layout.jobs())) == []
+    with pytest.raises(JobGoneError):
+        stock.jobs.get(spec.id)
+    assert [record for record in caplog.records if record.exc_info] == []
+
+
+def test_a_deleted_job_that_an_older_copy_of_the_records_brings_back_is_deleted_again(
+    stock: Stock, client: redis.Redis
+) -> None:
+    deleted, kept = (ended(stock, Outcome(JobStatus.SUCCESSFUL)) for _ in range(2))
+    for key in map(str, client.keys(keys.PREFIX + "*")):
+        client.copy(key, f"older:{key}")
+    delete_job(stock.jobs, stock.blobs, deleted.id)
+    client.delete(*client.keys(keys.PREFIX + "*"))
+    for key in map(str, client.keys("older:*")):
+        client.rename(key, key.removeprefix("older:"))
+    rounds(stock, 1)
+    assert len(stock.jobs.find().items) == 2, "whoever deletes it may not have come so far"
+    rounds(stock)
+    assert stock.jobs.find().items == (stock.jobs.get(kept.id),)
+    with pytest.raises(JobGoneError):
+        stock.jobs.get(deleted.id)
+
+
+def test_a_job_whose_deletion_the_server_forgot_is_gone_and_not_unknown(
+    stock: Stock, client: redis.Redis
+) -> None:
+    spec = ended(stock, Outcome(JobStatus.SUCCESSFUL), request=RequestKey("key", "f"))
+    spoilt = job_spec()
+    delete_job(stock.jobs, stock.blobs, spec.id)
+    stock.blobs.create(layout.tombstone(spoilt.id), b"{")
+    client.delete(keys.gone(spec.id), keys.repeat("key"))
+    rounds(stock, 1)
+    for job_id in (spec.id, spoilt.id):
+        with pytest.raises(JobGoneError):
+            stock.jobs.get(job_id)
+    assert stock.repeats.begin("key", "f", "another") == Beginning(spec.id)
 
 
 def test_files_that_cannot_be_read_are_told_of_once_kept_and_not_in_the_way(
@@ -342,6 +383,7 @@ def test_files_that_belong_to_nothing_are_removed_when_they_are_old(stock: Stock
         stock.blobs.create(layout.withdrawn(made.id), b"")
     stock.blobs.create(layout.mesh_arrays("mesh_half"), b"")
     stock.blobs.create(layout.tombstone("job_of_long_ago"), b"")
+    stock.blobs.create(layout.spec("job_of_long_ago"), b"its deletion was broken off")
     for key in (
         layout.spec(spec.id),
         layout.withdrawn(spec.id),

@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from itertools import pairwise
+from typing import BinaryIO
+
+import numpy as np
 import pytest
 
+from spherify.jobs import layout
+from spherify.jobs.codec import dump_record
 from spherify.jobs.errors import StoreUnavailableError
+from spherify.jobs.model import JobStatus, Outcome
 from spherify.jobs.reconcile import Reconciler
 from spherify.jobs.submit import submit
+from spherify.stores.arrays import dump_arrays
+from spherify.stores.memory import MemoryJobStore
 from spherify.stores.memory_blobs import MemoryBlobStore
 from spherify.stores.reconciler import Rounds
 from tests.jobs.examples import job_spec
@@ -59,8 +69,7 @@ def test_a_server_that_was_away_for_half_a_lease_costs_no_loss(world: World) -> 
 
 def test_files_that_are_away_are_no_outage_of_the_server(world: World) -> None:
     ended = lost_job(world)
-    world.jobs.request_cancel(ended)
-    world.jobs.release(ended, 1)  # it is to be settled, which takes files
+    world.jobs.commit(ended, 1, Outcome(JobStatus.FAILED))  # it is to be settled, which takes files
     world.blobs = Away(world.blobs.scratch())
     rounds = rounds_of(world, period_s=5)
     job_id = lost_job(world)
@@ -82,3 +91,37 @@ def test_whoever_did_not_lead_after_an_outage_counts_losses_when_it_does(world: 
     assert losses_after(world, rounds, job_id, [5] * 7) == 0, "that is the leader's to say"
     post[0] = True
     assert losses_after(world, rounds, job_id, [5]) == 1
+
+
+def test_a_rebuild_that_takes_long_over_one_job_keeps_the_post(world: World) -> None:
+    """The post is another's after three periods in which nobody asked for it."""
+
+    class Slow(MemoryBlobStore):
+        def open(self, key: str) -> BinaryIO:
+            world.now[0] += 2.0
+            return super().open(key)
+
+    class Forgetful(MemoryJobStore):
+        def complete(self) -> bool:
+            return False
+
+    spec, blobs = job_spec(), Slow(world.blobs.scratch())
+    blobs.create(layout.spec(spec.id), dump_record(spec).encode())
+    state = dump_arrays({"vertices": np.zeros((3, 3))})
+    for iteration in range(20):
+        blobs.create(layout.numbered(layout.snapshots(spec.id), 1, iteration), state)
+    forgetful = Forgetful(clock=lambda: world.now[0])
+    asked = [world.now[0]]
+
+    def lead() -> bool:
+        asked.append(world.now[0])
+        return True
+
+    stock = replace(world.stock, jobs=forgetful, blobs=blobs)
+    Rounds(
+        Reconciler(stock, orphan_s=15), lead, lease_s=LEASE_S, period_s=5.0, clock=lambda: world.now[0]
+    ).go()
+    asked.append(world.now[0])
+    assert forgetful.unknown([spec.id]) == []
+    assert max(later - earlier for earlier, later in pairwise(asked)) < 3 * 5.0
+    assert len(asked) < (world.now[0] - asked[0]) / 4, "and not for each file, of which one is opened in 2 s"

@@ -178,7 +178,9 @@ def test_any_attempt_can_tell_the_record_of_a_result(world: World) -> None:
 def test_a_cancel_after_a_crash_between_file_and_record_comes_too_late(world: World) -> None:
     spec = job_spec()
     submit(world.jobs, world.blobs, world.queue, spec)
-    result = write_result(world.blobs, result_of(spec.id, world.jobs.claim(spec.id, "dies").token))
+    token = world.jobs.claim(spec.id, "dies").token
+    world.jobs.seal(spec.id, token)
+    result = write_result(world.blobs, result_of(spec.id, token))
     assert (
         cancel(world.jobs, world.blobs, spec.id) is CancelOutcome.FINISHED
     )  # its lease lasts: nothing is touched
@@ -188,6 +190,8 @@ def test_a_cancel_after_a_crash_between_file_and_record_comes_too_late(world: Wo
     job = world.jobs.get(spec.id)
     assert (job.status, job.error) == (JobStatus.FAILED, result.outcome.error)  # as the file says
     assert job.snapshots == tuple(result.snapshots)
+    assert job.losses == 0
+    assert world.blobs.stat(layout.cancel(spec.id)) is None, "nobody was told of a cancel"
 
 
 def test_deleting_removes_the_files(world: World) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from spherify.jobs.model import JobSpec
-from spherify.jobs.rebuild import Stock
+from spherify.jobs.stock import Stock
 from spherify.jobs.submit import submit
 from spherify.stores.memory import MemoryJobStore
 from spherify.stores.memory_blobs import MemoryBlobStore

@@ -197,5 +197,5 @@ def test_the_archive_of_a_damaged_job_is_refused_whole(
     folder = settings.data_dir / "blobs" / "jobs" / path.split("/")[3] / "snapshots"
     damaged = sorted(folder.iterdir())[1]
     damaged.write_bytes(b"damaged")
-    problem(client.get(path), 500, "internal-error")
+    problem(client.get(path), 500, "stored-file-damaged")
     assert list(Path(settings.data_dir / "cache").glob("*.part")) == []

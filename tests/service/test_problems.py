@@ -11,7 +11,9 @@ import pytest
 import service.intake
 from service.problem_types import PROBLEMS
 from service.problems import MEDIA_TYPE
+from spherify.jobs import layout
 from spherify.settings import Settings
+from spherify.stores import keys
 from spherify.stores.connect import Stores, open_stores
 from tests.service.conftest import OCTAHEDRON, OPEN, Hand, problem, serve
 
@@ -120,6 +122,12 @@ def damaged(world: World) -> httpx.Response:
     return world.client.get(f"/v1/jobs/{hand.job_id}/snapshots/0.ply")
 
 
+def of_another_form(world: World) -> httpx.Response:
+    hand = world.submit()
+    world.stores.client.hset(keys.job(hand.job_id), "spec", "{")
+    return world.client.get(f"/v1/jobs/{hand.job_id}/snapshots/0.ply")
+
+
 def snapshot(world: World, which: str, **headers: str) -> httpx.Response:
     hand = world.submit().claim().reach(0)
     return world.client.get(f"/v1/jobs/{hand.job_id}/snapshots/{which}", headers=headers)
@@ -194,7 +202,8 @@ PRODUCERS: dict[str, Callable[[World], httpx.Response]] = {
     "mesh-not-connected": lambda w: w.put(TWO),
     "mesh-genus": lambda w: w.put(torus()),
     "rate-limited": overloaded,
-    "internal-error": damaged,
+    "internal-error": of_another_form,
+    "stored-file-damaged": damaged,
     "not-ready": lambda w: w.lost.get("/v1/jobs"),
     "storage-full": lambda w: w.full.put("/v1/meshes?name=a.obj", content=OCTAHEDRON),
 }
@@ -218,10 +227,30 @@ def test_a_problem_is_produced_as_documented(world: World, slug: str) -> None:
     assert f'href="{kind.uri}"' in world.client.get("/problems").text
 
 
-def test_no_secret_of_ours_is_told(world: World) -> None:
-    document = problem(damaged(world), 500, "internal-error")
+@pytest.mark.parametrize("slug", ["internal-error", "stored-file-damaged"])
+def test_no_secret_of_ours_is_told(world: World, slug: str) -> None:
+    document = problem(PRODUCERS[slug](world), 500, slug)
     assert "npz" not in str(document)
     assert "Traceback" not in str(document)
+
+
+def test_what_is_damaged_is_named_with_the_cure(world: World) -> None:
+    answer = damaged(world)
+    job_id = answer.request.url.path.split("/")[3]
+    detail = problem(answer, 500, "stored-file-damaged")["detail"]
+    assert detail == f"the snapshot of iteration 0 of {job_id} is damaged: delete the job and send it again"
+
+
+def test_a_damaged_mesh_is_made_whole_as_its_problem_says(world: World) -> None:
+    path = world.put(OCTAHEDRON + b"# to be damaged").headers["location"]
+    mesh_id = path.rpartition("/")[2]
+    arrays = world.stores.blobs.root / layout.mesh_arrays(mesh_id)
+    arrays.write_bytes(arrays.read_bytes()[:-300])
+    document = problem(world.client.get(f"{path}/content.ply"), 500, "stored-file-damaged")
+    assert f"the stored mesh {mesh_id} is damaged: delete it" in document["detail"]
+    assert world.client.delete(path).status_code == 204
+    assert world.put(OCTAHEDRON + b"# to be damaged").headers["location"] == path
+    assert world.client.get(f"{path}/content.ply").status_code == 200
 
 
 def test_an_unknown_problem_is_not_found(client: httpx.Client) -> None:

@@ -26,6 +26,7 @@ from spherify.geometry.presets import PRESETS
 from spherify.logs import JsonLines
 from spherify.parameters import PARAMETER_NAMES, parameters_of
 from spherify.settings import Settings
+from spherify.stores import keys
 from spherify.stores.connect import Stores, open_stores
 from tests.service.conftest import OCTAHEDRON, Hand, problem, serve, until
 
@@ -167,15 +168,23 @@ def test_log_lines_cannot_be_forged(client: httpx.Client, lines: list[dict[str, 
     assert lines[0]["path"] == "/a%0d%0a%22,%22status%22:%22200"
 
 
+@pytest.mark.parametrize("cause", ["DamagedBlobError", "JSONDecodeError"])
 def test_a_failure_of_ours_is_logged_with_its_trace(
-    client: httpx.Client, stores: Stores, submitted: Callable[..., Hand], lines: list[dict[str, object]]
+    client: httpx.Client,
+    stores: Stores,
+    submitted: Callable[..., Hand],
+    lines: list[dict[str, object]],
+    cause: str,
 ) -> None:
     hand = submitted().claim().reach(0)
-    (stores.blobs.root / hand.job().snapshots[0].key).write_bytes(b"damaged")
+    if cause == "DamagedBlobError":
+        (stores.blobs.root / hand.job().snapshots[0].key).write_bytes(b"damaged")
+    else:
+        stores.client.hset(keys.job(hand.job_id), "spec", "{")
     answer = client.get(f"/v1/jobs/{hand.job_id}/snapshots/0.ply")
-    failure = next(line for line in lines if line["level"] == "error")
-    assert failure["request_id"] == answer.json()["request_id"]
-    assert "DamagedBlobError" in str(failure["trace"])
+    failures = [line for line in lines if line["level"] == "error" and "request_id" in line]
+    assert [failure["request_id"] for failure in failures] == [answer.json()["request_id"]]
+    assert cause in str(failures[0]["trace"])
 
 
 def test_web_origins_are_an_explicit_list(settings: Settings, stores: Stores) -> None:
@@ -211,7 +220,7 @@ def test_failures_of_ours_reach_web_clients_too(
         answer = httpx.get(
             f"{url}/v1/jobs/{hand.job_id}/snapshots/0.ply", headers={"Origin": "https://good.example"}
         )
-    problem(answer, 500, "internal-error")
+    problem(answer, 500, "stored-file-damaged")
     assert answer.headers["access-control-allow-origin"] == "https://good.example"
 
 

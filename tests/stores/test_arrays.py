@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import hashlib
 import io
 
 import numpy as np
@@ -8,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from spherify.jobs.errors import DamagedBlobError
-from spherify.stores.arrays import dump_arrays, load_arrays
+from spherify.stores.arrays import checksum_of, dump_arrays, glance_at_arrays, load_arrays
 
 ARRAYS = {
     "vertices": np.arange(12.0).reshape(4, 3) / 7,
@@ -79,3 +80,37 @@ def test_a_file_without_a_checksum_is_damaged() -> None:
     np.savez(file, vertices=ARRAYS["vertices"])
     with pytest.raises(DamagedBlobError):
         load_arrays(file.getvalue())
+
+
+def test_a_glance_reads_what_is_wanted_and_where_the_rest_is() -> None:
+    class Counting(io.BytesIO):
+        total = 0
+
+        def read(self, size: int | None = -1) -> bytes:
+            content = super().read(size)
+            self.total += len(content)
+            return content
+
+    large = dump_arrays({"vertices": np.zeros((100_000, 3)), "one": np.array(3)})
+    file = Counting(large)
+    checksum, names, found = glance_at_arrays(file, ("one", "none of it"))
+    assert checksum == checksum_of(large)
+    assert names == {"vertices", "one"}
+    assert {name: array.tolist() for name, array in found.items()} == {"one": 3}
+    assert file.total < len(large) / 10
+
+
+@given(st.integers(0, len(FILE) - 1), st.integers(1, 40))
+def test_a_glance_at_a_file_with_a_hole_or_an_end_too_early_says_so(start: int, length: int) -> None:
+    for damaged in (FILE[:start], FILE[:start] + FILE[start + length :]):
+        with pytest.raises(DamagedBlobError):
+            glance_at_arrays(io.BytesIO(damaged), ())
+
+
+def test_what_has_a_checksum_and_is_no_file_of_arrays_is_called_damaged() -> None:
+    for content in (b"", b"PK\x05\x06", b"something else"):
+        whole = content + hashlib.sha256(content).hexdigest().encode()
+        with pytest.raises(DamagedBlobError):
+            load_arrays(whole)
+        with pytest.raises(DamagedBlobError):
+            glance_at_arrays(io.BytesIO(whole), ())

@@ -8,10 +8,12 @@ import threading
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import obstore
 import pytest
 from obstore.store import S3Store
 
+from spherify.jobs import layout
 from spherify.jobs.errors import (
     BlobExistsError,
     BlobNotFoundError,
@@ -19,8 +21,12 @@ from spherify.jobs.errors import (
     StorageFullError,
     StoreUnavailableError,
 )
+from spherify.jobs.rows import ROWS, rows_to_array
 from spherify.stores import s3_blobs
+from spherify.stores.arrays import checksum_of, dump_arrays
 from spherify.stores.s3_blobs import S3BlobStore
+from spherify.stores.s3_client import S3Client
+from spherify.stores.states import find_trail
 from tests.faults.http_chaos import Fault, HttpChaos, first, now_and_then
 from tests.s3 import BUCKET, S3Server, environment_for
 
@@ -250,3 +256,30 @@ def test_a_blob_of_96_mib_needs_no_memory_of_that_size(s3_url: str, tmp_path: Pa
     command = [sys.executable, "-c", BOUNDED, s3_url, str(tmp_path)]
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=110)
     assert done.returncode == 0, done.stderr
+
+
+def test_of_the_states_of_a_job_their_ends_are_fetched_to_tell_what_is_there(
+    blobs: S3BlobStore, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    arrays = {
+        "vertices": np.zeros((100_000, 3)),
+        "fingerprint": np.arange(4),
+        "position": np.zeros((100_000, 3)),
+    }
+    for iteration in (0, 1):
+        rows = rows_to_array([{"iteration": i, "sphericity": 0.5} for i in range(iteration + 1)])
+        blobs.create(
+            layout.numbered(layout.snapshots("job_a"), 1, iteration), dump_arrays({**arrays, ROWS: rows})
+        )
+    fetched: list[int] = []
+    read_range = S3Client.read_range
+
+    def counted(client: S3Client, key: str, start: int, end: int, etag: str | None) -> bytes:
+        fetched.append(end - start)
+        return read_range(client, key, start, end, etag)
+
+    monkeypatch.setattr(S3Client, "read_range", counted)
+    trail = find_trail(blobs, "job_a")
+    assert [snapshot.metrics for snapshot in trail.snapshots] == [{"sphericity": 0.5}] * 2
+    assert sum(fetched) < trail.snapshots[0].size / 4
+    assert trail.snapshots[0].sha256 == checksum_of(blobs.read(trail.snapshots[0].key))

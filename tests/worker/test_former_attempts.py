@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from spherify.jobs import layout
@@ -13,6 +15,7 @@ from spherify.jobs.results import read_result
 from spherify.jobs.settle import settle
 from spherify.jobs.submit import submit
 from spherify.settings import Settings
+from spherify.stores.arrays import dump_arrays, load_arrays
 from spherify.stores.connect import Stores
 from tests.jobs.examples import job_spec
 from tests.worker.supervised import Watched, endless
@@ -73,6 +76,63 @@ def test_a_cancel_counts_though_an_older_copy_of_the_record_knows_nothing_of_it(
     assert tuple(result.snapshots) == job.snapshots
 
 
+def test_of_two_versions_one_takes_only_the_others_snapshots_out_of_the_record(
+    stores: Stores, settings: Settings, runners: Watched
+) -> None:
+    """Ours is damaged at 2, and what it came to beyond that was told, and is served until it is made again."""
+    job_id = endless(stores)
+
+    def told() -> dict[int, str]:
+        return {snapshot.iteration: snapshot.key for snapshot in stores.jobs.get(job_id).snapshots}
+
+    supervise(stores, settings, runners, job_id, each_tick=lambda: len(told()) > 1)
+    folder = layout.snapshots(job_id)
+    ours = told()
+    state = load_arrays(stores.blobs.read(ours[2]))
+    other = {**state, "fingerprint": state["fingerprint"] ^ 1}
+    beyond, theirs = layout.numbered(folder, 1, 5), layout.numbered(folder, 2, 6)
+    stores.blobs.create(beyond, dump_arrays(state))
+    Path(settings.data_dir, "blobs", ours[2]).write_bytes(b"damaged")
+    for iteration in (0, 2, 6):
+        stores.blobs.create(layout.numbered(folder, 2, iteration), dump_arrays(other))
+    theirs_of_5 = layout.numbered(folder, 2, 5)
+    token = stores.jobs.claim(job_id, "former").token
+    for iteration, key in {5: theirs_of_5, 6: theirs}.items():
+        stores.jobs.add_snapshot(job_id, token, Snapshot(iteration, key, "s", 0, {}, 1.0))
+    stores.jobs.release(job_id, token)
+    supervise(stores, settings, runners, job_id, each_tick=lambda: told().get(2) not in {None, ours[2]})
+    assert told() == {0: ours[0], 2: told()[2], 5: beyond}
+    assert layout.numbers(told()[2])[0] > token
+
+
+def test_a_damaged_beginning_does_not_keep_the_snapshots_of_another_version_in_the_record(
+    stores: Stores, settings: Settings, runners: Watched
+) -> None:
+    """Nothing can be gone on from, so that it is not even tried; what is ours of the rest is served meanwhile."""
+    job_id = endless(stores)
+
+    def told() -> dict[int, str]:
+        return {snapshot.iteration: snapshot.key for snapshot in stores.jobs.get(job_id).snapshots}
+
+    supervise(stores, settings, runners, job_id, each_tick=lambda: len(told()) > 1)
+    folder = layout.snapshots(job_id)
+    ours = told()
+    state = load_arrays(stores.blobs.read(ours[2]))
+    beyond, theirs = layout.numbered(folder, 1, 5), layout.numbered(folder, 2, 6)
+    stores.blobs.create(beyond, dump_arrays(state))
+    stores.blobs.create(theirs, dump_arrays({**state, "fingerprint": state["fingerprint"] ^ 1}))
+    Path(settings.data_dir, "blobs", ours[0]).write_bytes(b"damaged")
+    token = stores.jobs.claim(job_id, "former").token
+    stores.jobs.add_snapshot(job_id, token, Snapshot(6, theirs, "s", 0, {}, 1.0))
+    stores.jobs.report(job_id, token, Progress(1_000_000, 1_000_000), [{"iteration": 1_000_000}])
+    stores.jobs.release(job_id, token)
+    supervise(stores, settings, runners, job_id, each_tick=lambda: told()[2] != ours[2])
+    assert {iteration: layout.numbers(key)[0] for iteration, key in told().items()} == {0: 3, 2: 3, 5: 1}
+    rows = [row["iteration"] for row in stores.jobs.metrics(job_id)]
+    assert rows[0] == 0, "that of the first state was told before whose it is"
+    assert rows[-1] < 1_000_000
+
+
 @pytest.mark.parametrize("cancelled_first", [True, False], ids=["and-then-lost", "after-the-loss"])
 def test_a_cancel_together_with_the_loss_of_the_records_takes_no_snapshot_away(
     stores: Stores, settings: Settings, runners: Watched, cancelled_first: bool
@@ -103,7 +163,7 @@ def test_a_cancel_together_with_the_loss_of_the_records_takes_no_snapshot_away(
     }
     assert job.progress is not None
     assert job.progress.iteration == stores.jobs.metrics(job_id)[-1]["iteration"] >= 2
-    assert job.best_iteration == (2 if cancelled_first else None)
+    assert job.best_iteration == 2
     result = read_result(stores.blobs, job_id)
     assert result is not None
     assert (tuple(result.snapshots), list(result.rows)) == (job.snapshots, stores.jobs.metrics(job_id))

@@ -3,12 +3,13 @@ from __future__ import annotations
 import io
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from spherify.geometry.schedule import SnapshotPlan
 from spherify.jobs import layout
 from spherify.jobs.ports import Trail
-from spherify.jobs.rows import ROWS
+from spherify.jobs.rows import ROWS, rows_to_array, rows_to_list
 from spherify.jobs.run import Kept, Stop, run
 from spherify.parameters import resolve
 from spherify.stores.arrays import dump_arrays, load_arrays
@@ -169,18 +170,60 @@ def test_the_record_of_a_snapshot_is_that_of_its_file(blobs: FolderBlobStore) ->
         assert "iteration" not in snapshot.metrics
 
 
-def test_what_is_told_of_a_job_without_a_record_is_what_its_intact_files_hold(blobs: FolderBlobStore) -> None:
+def test_what_is_told_of_a_job_without_a_record_is_what_its_files_hold(blobs: FolderBlobStore) -> None:
     trail = find_trail(blobs, JOB)
     assert trail.snapshots == find_resumption(blobs, JOB, PLAN).snapshots
     assert [snapshot.iteration for snapshot in trail.snapshots] == [0, 10, 20]
     assert list(trail.rows) == find_resumption(blobs, JOB, PLAN).rows
     assert trail.best == 20
-    damage(blobs, layout.numbered(layout.snapshots(JOB), 1, 10), "flipped")
-    blobs.create(layout.snapshots(JOB) + "notes.txt", b"of another form")
-    trail = find_trail(blobs, JOB)
-    assert [snapshot.iteration for snapshot in trail.snapshots] == [0, 20]
-    assert trail.rows[-1]["iteration"] == 20
     assert find_trail(blobs, "job_b") == Trail()
+
+
+def test_no_positions_are_read_to_tell_what_is_there(blobs: FolderBlobStore) -> None:
+    class Grudging(FolderBlobStore):
+        def read(self, key: str) -> bytes:
+            raise AssertionError(f"{key} is read whole")
+
+    asked: list[int] = []
+    expected = find_trail(blobs, JOB)
+    assert find_trail(Grudging(blobs.root), JOB, lambda: asked.append(1)) == expected
+    assert len(asked) >= 5, (
+        "once a file, for the lease on the post of the reconciler may be over before the last"
+    )
+    path = blobs.root / layout.numbered(layout.snapshots(JOB), 1, 10)
+    content = bytearray(path.read_bytes())
+    content[200] ^= 1  # a position: whoever serves it, or goes on from it, will see
+    path.write_bytes(content)
+    assert [snapshot.sha256 for snapshot in find_trail(blobs, JOB).snapshots] == [
+        snapshot.sha256 for snapshot in expected.snapshots
+    ]
+    assert iterations(blobs) == (0, [0])
+
+
+@pytest.mark.parametrize("how", ["cut off", "of another form", "with other rows", "with rows of other names"])
+def test_a_file_that_is_none_of_ours_is_not_in_the_way_of_the_others(
+    blobs: FolderBlobStore, how: str
+) -> None:
+    """Of a snapshot everything is lost that cannot be read of it, and nothing else: what can be served is."""
+    path = blobs.root / layout.numbered(layout.snapshots(JOB), 1, 10)
+    whole = load_arrays(path.read_bytes())
+    if how == "cut off":
+        damage(blobs, layout.numbered(layout.snapshots(JOB), 1, 10), how)
+    elif how == "of another form":
+        path.write_bytes(b"PK" + 64 * b"0")
+    else:
+        rows = np.zeros(3) if how == "with other rows" else rows_to_array([{"sphericity": 0.5}])
+        path.write_bytes(dump_arrays({**whole, ROWS: rows}))
+        newest = layout.numbered(layout.checkpoints(JOB), 1, 24)
+        (blobs.root / newest).write_bytes(dump_arrays({**load_arrays(blobs.read(newest)), ROWS: rows}))
+    for name in ("notes.txt", ".DS_Store", "0000001-0000010.npz~"):
+        (blobs.root / layout.snapshots(JOB) / name).write_bytes(b"somebody else's")
+    trail = find_trail(blobs, JOB)
+    served = [0, 20] if how in {"cut off", "of another form"} else [0, 10, 20]
+    assert [snapshot.iteration for snapshot in trail.snapshots] == served
+    assert trail.rows[-1]["iteration"] == 20
+    assert trail.best == 20
+    assert iterations(blobs)[1] == [0]
 
 
 def test_of_two_runs_only_the_newest_is_told(blobs: FolderBlobStore) -> None:
@@ -190,3 +233,26 @@ def test_of_two_runs_only_the_newest_is_told(blobs: FolderBlobStore) -> None:
     trail = find_trail(blobs, JOB)
     assert [snapshot.key for snapshot in trail.snapshots] == [began_anew]
     assert [row["iteration"] for row in trail.rows] == [0]
+
+
+@pytest.mark.parametrize("token", [1, 2])
+def test_a_best_state_kept_in_hindsight_is_told_with_the_others(blobs: FolderBlobStore, token: int) -> None:
+    """It carries no state of the flow, and a worker may be lost after it, before the last one is kept."""
+    last = load_arrays(blobs.read(layout.numbered(layout.checkpoints(JOB), 1, 24)))
+    best = layout.numbered(layout.snapshots(JOB), token, 26)
+    rows = [*rows_to_list(last[ROWS]), {**rows_to_list(last[ROWS])[-1], "iteration": 26, "sphericity": 0.999}]
+    blobs.create(best, dump_arrays({"vertices": last["vertices"], ROWS: rows_to_array(rows)}))
+    trail = find_trail(blobs, JOB)
+    assert [snapshot.iteration for snapshot in trail.snapshots] == [0, 10, 20, 26]
+    assert trail.best == 26
+
+
+def test_where_two_attempts_left_the_same_state_an_intact_one_is_told(blobs: FolderBlobStore) -> None:
+    first, again = (layout.numbered(layout.snapshots(JOB), token, 10) for token in (1, 2))
+    blobs.copy(first, again)
+    assert [snapshot.key for snapshot in find_trail(blobs, JOB).snapshots][1] == again
+    (blobs.root / again).unlink()
+    content = bytearray(blobs.read(first))
+    content[200] ^= 1
+    blobs.create(again, bytes(content))
+    assert [snapshot.key for snapshot in find_trail(blobs, JOB).snapshots][1] == first

@@ -11,18 +11,20 @@ local function field(name) return redis.call('HGET', JOB, name) end
 
 local function touch() redis.call('HINCRBY', JOB, 'rev', 1) end
 
+local function let_go() -- of whoever held it
+  redis.call('ZREM', LEASES, ID)
+  local since = field('claimed_at')
+  if since then redis.call('HINCRBY', JOB, 'spent', now() - since) end
+  redis.call('HDEL', JOB, 'lease_until', 'worker', 'sealed', 'claimant', 'claimed_at')
+end
+
 local function move(to) -- to another status, and out of what the old one stood in
   local from = field('status')
   redis.call('ZREM', BY_STATUS .. from, ID)
   redis.call('ZADD', BY_STATUS .. to, 0, ID)
   redis.call('HSET', JOB, 'status', to)
   if to ~= 'accepted' then redis.call('ZREM', QUEUED, ID) end
-  if to ~= 'running' and to ~= 'cancelling' then
-    redis.call('ZREM', LEASES, ID)
-    local since = field('claimed_at')
-    if since then redis.call('HINCRBY', JOB, 'spent', now() - since) end
-    redis.call('HDEL', JOB, 'lease_until', 'worker', 'sealed', 'claimant', 'claimed_at')
-  end
+  if to ~= 'running' and to ~= 'cancelling' then let_go() end
   touch()
 end
 
@@ -30,11 +32,6 @@ local function finish(status)
   redis.call('HSET', JOB, 'finished_at', now() / 1000)
   redis.call('ZADD', UNSETTLED, 0, ID)
   move(status)
-end
-
-local function finish_cancelled()
-  redis.call('HSET', JOB, 'stop_reason', 'cancelled')
-  finish('cancelled')
 end
 
 local function lease(ms)
@@ -48,27 +45,25 @@ local function held(token) -- whether this attempt is the present one and still 
   return (status == 'running' or status == 'cancelling') and field('token') == token
 end
 
-local function hand_on() -- arrow c without a count, or f. Returns the new status.
-  if field('status') == 'cancelling' then
-    finish_cancelled()
-    return 'cancelled'
+local function leased() return tonumber(field('lease_until')) > now() end
+
+-- Arrow c, with one more loss counted or none, of so many at most. Returns the new status. A job that is not to be
+-- computed any more, being cancelled or lost too often, keeps the one it has, without a lease: whoever claims it ends it,
+-- by its file first.
+local function hand_on(most, more)
+  local losses, cancelling = tonumber(field('losses')), field('status') == 'cancelling'
+  if more > 0 and not cancelling and losses <= most then
+    losses = redis.call('HINCRBY', JOB, 'losses', more)
+    redis.call('HINCRBY', JOB, 'token', 1) -- the worker may only have slept
+    touch()
+  end
+  if cancelling or losses > most then
+    lease(0)
+    return field('status')
   end
   redis.call('ZADD', QUEUED, field('queued_at'), ID)
   move('accepted')
   return 'accepted'
-end
-
--- Arrow c with a count, or the end of a job that lost too many workers. Returns the new status.
-local function lose(max_losses)
-  if field('status') == 'cancelling' then return hand_on() end
-  local losses = redis.call('HINCRBY', JOB, 'losses', 1)
-  if losses > max_losses then
-    redis.call('HSET', JOB, 'error', cjson.encode({code = 'worker-lost', detail =
-      'its worker was lost ' .. losses .. ' times, the last time without a word: most often the memory was not enough'}))
-    finish('failed')
-    return 'failed'
-  end
-  return hand_on()
 end
 
 -- Of what attempts told, only what is named stays. KEYS: 6 snapshots, 7 rows. Takes the iterations of both, two JSON lists.

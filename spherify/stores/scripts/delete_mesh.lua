@@ -1,4 +1,5 @@
--- A mesh no job names. KEYS: 1 record, 2 meshes, 3 the jobs that name it. ARGV: 1 id.
+-- A mesh no job names, once all jobs are known. KEYS: 1 record, 2 meshes, 3 the jobs that name it, 4 epoch. ARGV: 1 id.
+if redis.call('EXISTS', KEYS[4]) == 0 then return 'incomplete' end
 if redis.call('EXISTS', KEYS[1]) == 0 then return 'unknown' end
 if redis.call('ZCARD', KEYS[3]) > 0 then return 'in-use' end
 redis.call('DEL', KEYS[1])

@@ -1,10 +1,9 @@
--- Arrow c. ARGV: 2 token, or '' for whoever's lease ran out; 3 most losses, or '' for no count. Returns the new status, '' if refused.
+-- Arrow c. ARGV: 2 token, or '' for whoever's lease ran out; 3 most losses, 4 how many this is: 1,
+-- or 0 if nobody is to blame. Returns the new status, '' if refused.
 if ARGV[2] ~= '' then
   if not held(ARGV[2]) then return '' end
 else
-  local till = field('lease_until')
-  if not till then redis.call('ZREM', LEASES, ID) return '' end
-  if tonumber(till) > now() then return '' end
+  if not field('lease_until') then redis.call('ZREM', LEASES, ID) return '' end
+  if leased() then return '' end
 end
-if ARGV[3] == '' then return hand_on() end
-return lose(tonumber(ARGV[3]))
+return hand_on(tonumber(ARGV[3]), tonumber(ARGV[4]))

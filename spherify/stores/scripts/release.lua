@@ -1,4 +1,3 @@
--- Arrow c without a count: the worker hands the job on. ARGV: 2 token. A job to be cancelled is cancelled instead.
-if not held(ARGV[2]) then return 0 end
-hand_on()
-return 1
+-- Arrow c without a count: the worker hands the job on. ARGV: 2 token, 3 most losses. Returns the new status, '' if refused.
+if not held(ARGV[2]) then return '' end
+return hand_on(tonumber(ARGV[3]), 0)
