@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
+from numpy.typing import NDArray
 
 from spherify.jobs import layout
 from spherify.jobs.cancel import cancel
@@ -76,58 +79,82 @@ def test_a_cancel_counts_though_an_older_copy_of_the_record_knows_nothing_of_it(
     assert tuple(result.snapshots) == job.snapshots
 
 
+@dataclass(frozen=True)
+class Begun:
+    """A job that was handed on with its states of 0 and 2, and the file of a further one, at 5, left beside them.
+
+    Attributes:
+        ours: keys of the states that were told, by iteration.
+        state: the arrays of that of 2.
+        beyond: key of the one at 5.
+
+    """
+
+    stores: Stores
+    job_id: str
+    ours: dict[int, str]
+    state: dict[str, NDArray[Any]]
+    beyond: str
+
+    def told(self) -> dict[int, str]:
+        return told(self.stores, self.job_id)
+
+    def key(self, token: int, iteration: int) -> str:
+        return layout.numbered(layout.snapshots(self.job_id), token, iteration)
+
+    def of_another_version(self) -> bytes:
+        return dump_arrays({**self.state, "fingerprint": self.state["fingerprint"] ^ 1})
+
+
+def told(stores: Stores, job_id: str) -> dict[int, str]:
+    return {snapshot.iteration: snapshot.key for snapshot in stores.jobs.get(job_id).snapshots}
+
+
+@pytest.fixture
+def begun(stores: Stores, settings: Settings, runners: Watched) -> Begun:
+    job_id = endless(stores)
+    supervise(stores, settings, runners, job_id, each_tick=lambda: len(told(stores, job_id)) > 1)
+    ours = told(stores, job_id)
+    state = load_arrays(stores.blobs.read(ours[2]))
+    beyond = layout.numbered(layout.snapshots(job_id), 1, 5)
+    stores.blobs.create(beyond, dump_arrays(state))
+    return Begun(stores, job_id, ours, state, beyond)
+
+
 def test_of_two_versions_one_takes_only_the_others_snapshots_out_of_the_record(
-    stores: Stores, settings: Settings, runners: Watched
+    begun: Begun, stores: Stores, settings: Settings, runners: Watched
 ) -> None:
     """Ours is damaged at 2, and what it came to beyond that was told, and is served until it is made again."""
-    job_id = endless(stores)
-
-    def told() -> dict[int, str]:
-        return {snapshot.iteration: snapshot.key for snapshot in stores.jobs.get(job_id).snapshots}
-
-    supervise(stores, settings, runners, job_id, each_tick=lambda: len(told()) > 1)
-    folder = layout.snapshots(job_id)
-    ours = told()
-    state = load_arrays(stores.blobs.read(ours[2]))
-    other = {**state, "fingerprint": state["fingerprint"] ^ 1}
-    beyond, theirs = layout.numbered(folder, 1, 5), layout.numbered(folder, 2, 6)
-    stores.blobs.create(beyond, dump_arrays(state))
+    job_id, ours = begun.job_id, begun.ours
     Path(settings.data_dir, "blobs", ours[2]).write_bytes(b"damaged")
     for iteration in (0, 2, 6):
-        stores.blobs.create(layout.numbered(folder, 2, iteration), dump_arrays(other))
-    theirs_of_5 = layout.numbered(folder, 2, 5)
+        stores.blobs.create(begun.key(2, iteration), begun.of_another_version())
     token = stores.jobs.claim(job_id, "former").token
-    for iteration, key in {5: theirs_of_5, 6: theirs}.items():
-        stores.jobs.add_snapshot(job_id, token, Snapshot(iteration, key, "s", 0, {}, 1.0))
+    for iteration in (5, 6):
+        stores.jobs.add_snapshot(job_id, token, Snapshot(iteration, begun.key(2, iteration), "s", 0, {}, 1.0))
     stores.jobs.release(job_id, token)
-    supervise(stores, settings, runners, job_id, each_tick=lambda: told().get(2) not in {None, ours[2]})
-    assert told() == {0: ours[0], 2: told()[2], 5: beyond}
-    assert layout.numbers(told()[2])[0] > token
+    supervise(stores, settings, runners, job_id, each_tick=lambda: begun.told().get(2) not in {None, ours[2]})
+    assert begun.told() == {0: ours[0], 2: begun.told()[2], 5: begun.beyond}
+    assert layout.numbers(begun.told()[2])[0] > token
 
 
 def test_a_damaged_beginning_does_not_keep_the_snapshots_of_another_version_in_the_record(
-    stores: Stores, settings: Settings, runners: Watched
+    begun: Begun, stores: Stores, settings: Settings, runners: Watched
 ) -> None:
     """Nothing can be gone on from, so that it is not even tried; what is ours of the rest is served meanwhile."""
-    job_id = endless(stores)
-
-    def told() -> dict[int, str]:
-        return {snapshot.iteration: snapshot.key for snapshot in stores.jobs.get(job_id).snapshots}
-
-    supervise(stores, settings, runners, job_id, each_tick=lambda: len(told()) > 1)
-    folder = layout.snapshots(job_id)
-    ours = told()
-    state = load_arrays(stores.blobs.read(ours[2]))
-    beyond, theirs = layout.numbered(folder, 1, 5), layout.numbered(folder, 2, 6)
-    stores.blobs.create(beyond, dump_arrays(state))
-    stores.blobs.create(theirs, dump_arrays({**state, "fingerprint": state["fingerprint"] ^ 1}))
+    job_id, ours, theirs = begun.job_id, begun.ours, begun.key(2, 6)
+    stores.blobs.create(theirs, begun.of_another_version())
     Path(settings.data_dir, "blobs", ours[0]).write_bytes(b"damaged")
     token = stores.jobs.claim(job_id, "former").token
     stores.jobs.add_snapshot(job_id, token, Snapshot(6, theirs, "s", 0, {}, 1.0))
     stores.jobs.report(job_id, token, Progress(1_000_000, 1_000_000), [{"iteration": 1_000_000}])
     stores.jobs.release(job_id, token)
-    supervise(stores, settings, runners, job_id, each_tick=lambda: told()[2] != ours[2])
-    assert {iteration: layout.numbers(key)[0] for iteration, key in told().items()} == {0: 3, 2: 3, 5: 1}
+    supervise(stores, settings, runners, job_id, each_tick=lambda: begun.told()[2] != ours[2])
+    assert {iteration: layout.numbers(key)[0] for iteration, key in begun.told().items()} == {
+        0: 3,
+        2: 3,
+        5: 1,
+    }
     rows = [row["iteration"] for row in stores.jobs.metrics(job_id)]
     assert rows[0] == 0, "that of the first state was told before whose it is"
     assert rows[-1] < 1_000_000
