@@ -69,6 +69,7 @@ class PipeSink:
         self.order = order
         self.found = Resumption()
         self._pipe = pipe
+        self._checkpoint = ""
 
     def snapshot(self, kept: Kept) -> None:
         """Write the file, then say so."""
@@ -83,7 +84,12 @@ class PipeSink:
         """Write the file, then remove the older ones but the last; those of a later attempt are not ours."""
         folder = layout.checkpoints(self.order.job_id)
         key = layout.numbered(folder, self.order.token, kept.iteration)
+        if (
+            key == self._checkpoint
+        ):  # a run that is handed on keeps its last state, also when it has just done so
+            return
         self.blobs.create(key, dump_arrays(kept.arrays))
+        self._checkpoint = key
         numbers = layout.numbers(key)
         stats = layout.numbered_only(self.blobs.list(folder))
         older = sorted((layout.numbers(stat.key), stat.key) for stat in stats)

@@ -31,6 +31,10 @@ class Runner:
         self._stdin, self._stdout = os.fdopen(stdin, "wb", buffering=0), os.fdopen(stdout, "rb", buffering=0)
         try:
             self._process = start(order, events)
+        except BaseException:
+            self._stdin.close()
+            self._stdout.close()
+            raise
         finally:
             os.close(order)
             os.close(events)
@@ -121,8 +125,8 @@ class Runners:
         return None if self._server is None else self._server.pid
 
     def prepare(self) -> None:
-        """Start the fork server, or a spare, unless there is one."""
-        with self._lock:
+        """Start the fork server, or a spare, unless there is one; if that cannot be, `take` will say so."""
+        with self._lock, suppress(OSError):
             if self._forked:
                 self._living_server()
             elif self._spare is None or not self._spare.alive:

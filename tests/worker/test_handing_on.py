@@ -1,0 +1,55 @@
+"""What comes of a job that is handed on at an awkward moment."""
+
+from __future__ import annotations
+
+import errno
+
+import pytest
+
+from spherify.jobs import layout
+from spherify.jobs.model import JobStatus
+from spherify.settings import Settings
+from spherify.stores.connect import Stores
+from tests.worker.supervised import Watched, endless
+from tests.worker.test_supervisor import supervise
+from worker.processes import Process
+
+
+def test_a_run_is_handed_on_also_where_a_checkpoint_is_due(
+    stores: Stores, settings: Settings, runners: Watched
+) -> None:
+    """That state is kept already when the run is left, and nothing is written twice."""
+    job_id = endless(stores)
+    at_each_iteration = settings.model_copy(update={"checkpoint_s": 1e-9})
+    job = supervise(
+        stores,
+        at_each_iteration,
+        runners,
+        job_id,
+        each_tick=lambda: len(stores.jobs.get(job_id).snapshots) > 1,
+    )
+    assert (job.status, job.losses, job.error) == (JobStatus.ACCEPTED, 0, None)
+    assert len(list(stores.blobs.list(layout.checkpoints(job_id)))) == 2
+
+
+def test_no_attempt_is_lost_because_the_next_runner_cannot_be_started(
+    stores: Stores, settings: Settings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where runners cannot be forked a spare is started beside the one that computes."""
+
+    def exhausted(order: int, events: int) -> Process:
+        asked.append(order)
+        raise OSError(errno.EAGAIN, "no further process")
+
+    asked: list[int] = []
+    runners = Watched(forked=False)
+    job_id = endless(stores)
+
+    def tick() -> bool:
+        monkeypatch.setattr("worker.runners.spawn", exhausted)
+        return len(asked) > 1
+
+    job = supervise(stores, settings, runners, job_id, each_tick=tick)
+    assert (job.status, job.losses) == (JobStatus.ACCEPTED, 0)
+    assert not runners.last.alive
+    runners.close()
