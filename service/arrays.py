@@ -17,13 +17,14 @@ from spherify.formats.viewer import PositionType, positions_bytes, scalars_bytes
 from spherify.geometry.fields import FieldName, vertex_field
 from spherify.geometry.mesh import TriangleMesh
 from spherify.jobs import layout
-from spherify.jobs.errors import DamagedBlobError
-from spherify.jobs.model import Snapshot
+from spherify.jobs.errors import BlobNotFoundError, DamagedBlobError
+from spherify.jobs.model import MeshRecord, Snapshot
 from spherify.jobs.ports import BlobStore
 from spherify.stores.arrays import load_arrays
 
 MEDIA_TYPE: Final = "application/octet-stream"
 VARY: Final = "Accept-Encoding"
+MESH_CURE: Final = "delete it, and before it the jobs that name it, and upload it again"
 _LEVEL: Final = 6  # beyond it twice the time saves a hundredth
 
 
@@ -53,20 +54,30 @@ def load_mesh(blobs: BlobStore, mesh_id: str) -> TriangleMesh:
     return TriangleMesh.checked(arrays["vertices"], arrays["faces"])
 
 
-def _mesh_arrays(blobs: BlobStore, mesh_id: str) -> Mapping[str, Any]:
+def open_original(blobs: BlobStore, record: MeshRecord) -> BinaryIO:
+    """Return an uploaded file as it was."""
     try:
-        return load_arrays(blobs.read(layout.mesh_arrays(mesh_id)))
-    except DamagedBlobError as e:
-        cure = "delete it, and before it the jobs that name it, and upload it again"
-        raise DamagedBlobError(f"the stored mesh {mesh_id} is damaged: {cure}") from e
+        return blobs.open(layout.mesh_original(record.id, record.format))
+    except BlobNotFoundError as e:
+        raise BlobNotFoundError(f"the uploaded file of {record.id} is missing: {MESH_CURE}") from e
+
+
+def _mesh_arrays(blobs: BlobStore, mesh_id: str) -> Mapping[str, Any]:
+    return _arrays(blobs, layout.mesh_arrays(mesh_id), f"the stored mesh {mesh_id}", MESH_CURE)
 
 
 def _snapshot_arrays(blobs: BlobStore, snapshot: Snapshot) -> Mapping[str, Any]:
+    which = f"the snapshot of iteration {snapshot.iteration} of {layout.job_of(snapshot.key)}"
+    return _arrays(blobs, snapshot.key, which, "delete the job and send it again")
+
+
+def _arrays(blobs: BlobStore, key: str, what: str, cure: str) -> Mapping[str, Any]:
     try:
-        return load_arrays(blobs.read(snapshot.key))
+        return load_arrays(blobs.read(key))
     except DamagedBlobError as e:
-        which = f"the snapshot of iteration {snapshot.iteration} of {layout.job_of(snapshot.key)}"
-        raise DamagedBlobError(f"{which} is damaged: delete the job and send it again") from e
+        raise DamagedBlobError(f"{what} is damaged: {cure}") from e
+    except BlobNotFoundError as e:
+        raise BlobNotFoundError(f"{what} is missing: {cure}") from e
 
 
 async def topology(request: Request, services: Services, mesh_id: str, cache_control: str) -> Response:

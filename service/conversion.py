@@ -10,7 +10,7 @@ from fastapi import Query
 from starlette.requests import Request
 from starlette.responses import Response
 
-from service.arrays import State
+from service.arrays import State, open_original
 from service.context import Services
 from service.delivery import IMMUTABLE, Content, deliver, file_name
 from service.problems import invalid
@@ -19,7 +19,6 @@ from spherify.formats import COLOURED, InvalidExportError, media_type, safe_stem
 from spherify.formats.colours import vertex_colours
 from spherify.formats.names import extension
 from spherify.geometry.fields import FieldName, vertex_field
-from spherify.jobs import layout
 from spherify.jobs.model import Job, MeshRecord, Snapshot
 from spherify.jobs.ports import BlobStore
 
@@ -66,7 +65,7 @@ class Target:
 
 def original(request: Request, services: Services, record: MeshRecord) -> Response:
     """Answer with an uploaded file as it was."""
-    blobs, key = services.stores.blobs, layout.mesh_original(record.id, record.format)
+    blobs = services.stores.blobs
     told = extension(record.name) == record.format
     content = Content(
         size=record.size,
@@ -74,7 +73,7 @@ def original(request: Request, services: Services, record: MeshRecord) -> Respon
         media_type=media_type(record.format),
         filename=record.name if told else file_name(record.name, f".{record.format}"),
         cache_control=IMMUTABLE,
-        open=lambda: blobs.open(key),
+        open=lambda: open_original(blobs, record),
     )
     return deliver(request, content)
 

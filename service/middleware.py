@@ -17,6 +17,7 @@ from ulid import ULID
 
 from service.answers import problem_answer
 from service.problems import ProblemError, problem_of, problem_of_status
+from spherify.jobs.errors import BlobNotFoundError
 from spherify.logs import current_request
 
 REQUEST_ID: Final = "X-Request-ID"
@@ -86,7 +87,12 @@ class RequestContext:
 
 
 class ErrorGuard:
-    """Makes a problem document of whatever escapes the application, middleware included."""
+    """Makes a problem document of whatever escapes the application, middleware included.
+
+    A record may have come to name another file while the answer was made: a later attempt made a state again, and the
+    earlier one's file went when the job ended; or a job or mesh was deleted. A GET that missed a file is therefore
+    answered once more, by the record as it is now; only a file that is still named, and missing, is said to be.
+    """
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
@@ -107,7 +113,12 @@ class ErrorGuard:
             await send(message)
 
         try:
-            await self._app(scope, receive, watch)
+            try:
+                await self._app(dict(scope), receive, watch)
+            except BlobNotFoundError:
+                if started or scope["method"] != "GET":
+                    raise
+                await self._app(scope, receive, watch)
         except Exception as e:  # the last resort: everything is answered and logged here
             if started:
                 raise  # the status is out: the connection must break, or half an answer passes for a whole one

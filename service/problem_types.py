@@ -234,9 +234,9 @@ PROBLEMS: Final[dict[str, ProblemType]] = {
             "stored-file-damaged",
             500,
             "A stored file is damaged",
-            "What is on the service's disk is not what was written there; `detail` names it. Of a job: delete the job "
-            "and send it again, for the same mesh and parameters give the same bytes. Of a mesh: delete it, and before "
-            "it the jobs that name it, and upload it again.",
+            "What is on the service's disk is not what was written there, or is missing; `detail` names it. Of a job: "
+            "delete it, after its end, and send it again, for the same mesh and parameters give the same bytes. Of a "
+            "mesh: delete it, and before it the jobs that name it, and upload it again.",
         ),
         ProblemType(
             "not-ready",

@@ -132,7 +132,7 @@ _DOMAIN: Final[tuple[tuple[type[Exception], str], ...]] = (
     (JobGoneError, "gone"),
     (JobNotFoundError, "not-found"),
     (MeshNotFoundError, "not-found"),
-    (BlobNotFoundError, "not-found"),
+    (BlobNotFoundError, "stored-file-damaged"),
     (JobNotFinishedError, "job-not-finished"),
     (JobCannotGoOnError, "job-cannot-go-on"),
     (MeshInUseError, "mesh-in-use"),

@@ -25,6 +25,7 @@ from service.uploads import KIB, small_body
 from service.waiting import PREFER, after_waiting
 from spherify.geometry.errors import InvalidConfigError
 from spherify.jobs.continuation import extension, last_iteration, repetition, submit_continuation
+from spherify.jobs.errors import BlobNotFoundError, DamagedBlobError
 from spherify.jobs.model import Job, JobSpec
 from spherify.parameters import MAX_ITERATIONS
 
@@ -45,6 +46,7 @@ def _responses(*slugs: str) -> doc.Responses:
             "job-cannot-go-on",
             "invalid-parameters",
             "storage-full",
+            *doc.FILES,
             *doc.REPEATS,
             *doc.STORES,
         ),
@@ -122,7 +124,11 @@ async def _continue(
     def submit(identity: Identity) -> Job:
         parent = stores.jobs.get(job_id)
         spec = replace(plan(parent, identity.job_id), request=identity.request)
-        job = submit_continuation(stores.jobs, stores.blobs, stores.queue, parent, spec)
+        try:
+            job = submit_continuation(stores.jobs, stores.blobs, stores.queue, parent, spec)
+        except BlobNotFoundError as e:
+            stores.jobs.get(job_id)  # it may have been deleted meanwhile
+            raise DamagedBlobError(f"a state of {job_id} is missing: delete the job and send it again") from e
         log.info("goes on from %s", job_id, extra={"action": "submit", "job_id": job.id})
         return job
 

@@ -144,7 +144,7 @@ def get_mesh(request: Request, context: Context, mesh_id: MeshId) -> Response:
     summary="Download the uploaded file",
     response_class=Response,
     responses=doc.mesh_answer("The bytes as they were uploaded.", inputs=True)
-    | doc.problems("not-found", "range-not-satisfiable", *doc.STORES),
+    | doc.problems("not-found", "range-not-satisfiable", *doc.FILES, *doc.STORES),
 )
 def download_mesh(request: Request, context: Context, mesh_id: MeshId) -> Response:
     """Return the file byte for byte."""

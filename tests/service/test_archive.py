@@ -132,7 +132,7 @@ def test_a_large_archive_that_cannot_be_begun_is_refused(
 ) -> None:
     monkeypatch.setattr(archive, "STREAMED_BYTES", 0)
     stores.blobs.delete(stores.jobs.get(path.split("/")[3]).snapshots[0].key)
-    problem(client.get(path), 404, "not-found")
+    problem(client.get(path), 500, "stored-file-damaged")
 
 
 def test_an_entry_that_waits_for_a_slow_client_takes_no_memory(path: str, stores: Stores) -> None:
