@@ -24,7 +24,9 @@ from spherify.stores.arrays import load_arrays
 
 MEDIA_TYPE: Final = "application/octet-stream"
 VARY: Final = "Accept-Encoding"
-MESH_CURE: Final = "delete it, and before it the jobs that name it, and upload it again"
+_DAMAGED_MESH: Final = "delete it, and before it the jobs that name it, and upload it again"
+_MISSING_MESH: Final = "upload it again"  # what is missing of a known mesh is written then
+_OF_JOB: Final = "delete the job and send it again"
 _LEVEL: Final = 6  # beyond it twice the time saves a hundredth
 
 
@@ -59,25 +61,33 @@ def open_original(blobs: BlobStore, record: MeshRecord) -> BinaryIO:
     try:
         return blobs.open(layout.mesh_original(record.id, record.format))
     except BlobNotFoundError as e:
-        raise BlobNotFoundError(f"the uploaded file of {record.id} is missing: {MESH_CURE}") from e
+        raise BlobNotFoundError(f"the uploaded file of {record.id} is missing: {_MISSING_MESH}") from e
+
+
+def verify_original(record: MeshRecord, digest: bytes) -> None:
+    """Raise `DamagedBlobError` unless this is the SHA-256 that an uploaded file had."""
+    if digest.hex() != record.sha256:
+        raise DamagedBlobError(f"the uploaded file of {record.id} is damaged: {_DAMAGED_MESH}")
 
 
 def _mesh_arrays(blobs: BlobStore, mesh_id: str) -> Mapping[str, Any]:
-    return _arrays(blobs, layout.mesh_arrays(mesh_id), f"the stored mesh {mesh_id}", MESH_CURE)
+    key = layout.mesh_arrays(mesh_id)
+    return _arrays(blobs, key, f"the stored mesh {mesh_id}", damaged=_DAMAGED_MESH, missing=_MISSING_MESH)
 
 
 def _snapshot_arrays(blobs: BlobStore, snapshot: Snapshot) -> Mapping[str, Any]:
     which = f"the snapshot of iteration {snapshot.iteration} of {layout.job_of(snapshot.key)}"
-    return _arrays(blobs, snapshot.key, which, "delete the job and send it again")
+    return _arrays(blobs, snapshot.key, which, damaged=_OF_JOB, missing=_OF_JOB)
 
 
-def _arrays(blobs: BlobStore, key: str, what: str, cure: str) -> Mapping[str, Any]:
+def _arrays(blobs: BlobStore, key: str, what: str, *, damaged: str, missing: str) -> Mapping[str, Any]:
+    """Return the arrays of a file; what is wrong with it is said with the cure."""
     try:
         return load_arrays(blobs.read(key))
     except DamagedBlobError as e:
-        raise DamagedBlobError(f"{what} is damaged: {cure}") from e
+        raise DamagedBlobError(f"{what} is damaged: {damaged}") from e
     except BlobNotFoundError as e:
-        raise BlobNotFoundError(f"{what} is missing: {cure}") from e
+        raise BlobNotFoundError(f"{what} is missing: {missing}") from e
 
 
 async def topology(request: Request, services: Services, mesh_id: str, cache_control: str) -> Response:
@@ -136,6 +146,7 @@ async def _answer(
             filename=None,
             cache_control=cache_control,
             open=file.take,
+            verify=file.verify,
             encoding="gzip" if zipped else None,
         )
         return deliver(request, content, VARY)

@@ -22,6 +22,7 @@ from typing import BinaryIO, Final, Self
 
 from anyio import CapacityLimiter, to_thread
 
+from spherify.jobs.errors import DamagedBlobError
 from spherify.stores.blobs import FULL
 
 MOST_FILES: Final = 20_000
@@ -37,9 +38,11 @@ Build = Callable[[BinaryIO], object]
 class CachedFile:
     """A finished file, opened: its entity tag, its size, and its bytes once, for whoever takes them."""
 
-    def __init__(self, file: BinaryIO, size: int, digest: bytes) -> None:
+    def __init__(self, file: BinaryIO, size: int, digest: bytes, path: Path | None) -> None:
         self.size = size
         self.etag = f'"{digest.hex()[:32]}"'
+        self._digest = digest
+        self._path = path
         self._file: BinaryIO | None = file
 
     def take(self) -> BinaryIO:
@@ -47,6 +50,13 @@ class CachedFile:
         assert self._file is not None  # once  # noqa: S101
         file, self._file = self._file, None
         return file
+
+    def verify(self, digest: bytes) -> None:
+        """Raise `DamagedBlobError`, and have it made anew for the next, unless this is the SHA-256 of its content."""
+        if digest != self._digest:
+            if self._path is not None:
+                self._path.unlink(missing_ok=True)
+            raise DamagedBlobError("a file of the cache is damaged: it is made anew")
 
     def __enter__(self) -> Self:
         return self
@@ -112,7 +122,12 @@ class FileCache:
             found.take() as file,
         ):
             file.seek(0)
-            return file.read(found.size)
+            content = file.read(found.size)
+            try:
+                found.verify(hashlib.sha256(content).digest())
+            except DamagedBlobError:
+                return make()
+            return content
 
     def _open(self, key: str) -> CachedFile | None:
         try:
@@ -120,11 +135,14 @@ class FileCache:
         except FileNotFoundError:
             return None
         size = os.fstat(file.fileno()).st_size - _DIGEST
+        if size < 0:  # cut off by the disk, or by somebody
+            file.close()
+            return None
         file.seek(size)
         digest = file.read()
         with suppress(FileNotFoundError):  # thrown away just now: the open file stays
             os.utime(self.folder / key)  # used last, thrown away last
-        return CachedFile(file, size, digest)
+        return CachedFile(file, size, digest, self.folder / key)
 
     def _open_or_build(self, key: str, build: Build, small: bool) -> CachedFile:
         found = self._open(key)
@@ -161,7 +179,7 @@ class FileCache:
         self._added += max(size, _BLOCK)
         if self._added > self._max_bytes / _SHARE or self._free() < self._min_free_bytes:
             self._throw_away(min(self._max_bytes, self._used() + self._free() - self._min_free_bytes))
-        return CachedFile(file, size, digest)
+        return CachedFile(file, size, digest, self.folder / key)
 
     def _free(self) -> int:
         return shutil.disk_usage(self.folder).free
@@ -196,4 +214,4 @@ def _key(parts: object) -> str:
 def _in_memory(build: Build) -> CachedFile:
     file = io.BytesIO()
     build(file)
-    return CachedFile(file, file.tell(), hashlib.sha256(file.getvalue()).digest())
+    return CachedFile(file, file.tell(), hashlib.sha256(file.getvalue()).digest(), None)

@@ -10,7 +10,7 @@ from fastapi import Query
 from starlette.requests import Request
 from starlette.responses import Response
 
-from service.arrays import State, open_original
+from service.arrays import State, open_original, verify_original
 from service.context import Services
 from service.delivery import IMMUTABLE, Content, deliver, file_name
 from service.problems import invalid
@@ -74,6 +74,7 @@ def original(request: Request, services: Services, record: MeshRecord) -> Respon
         filename=record.name if told else file_name(record.name, f".{record.format}"),
         cache_control=IMMUTABLE,
         open=lambda: open_original(blobs, record),
+        verify=lambda digest: verify_original(record, digest),
     )
     return deliver(request, content)
 
@@ -126,5 +127,6 @@ async def _converted(request: Request, services: Services, target: Target, form:
             filename=target.filename,
             cache_control=target.cache_control,
             open=file.take,
+            verify=file.verify,
         )
         return deliver(request, content)

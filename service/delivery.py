@@ -36,6 +36,8 @@ class Content:
         open: opens it for reading, seekable; called only when bytes are to be sent.
         filename: None where it is no file that anybody would save.
         encoding: the coding these bytes are in, such as gzip.
+        verify: raises where the SHA-256 it is given is not that of the content. It is asked before the last bytes of
+            the whole are sent: what a disk has damaged is broken off, and does not pass for what was written.
 
     """
 
@@ -46,6 +48,7 @@ class Content:
     cache_control: str
     open: Callable[[], BinaryIO]
     encoding: str | None = None
+    verify: Callable[[bytes], None] | None = None
 
 
 def strong_etag(*parts: object) -> str:
@@ -131,8 +134,13 @@ def deliver(request: Request, content: Content, vary: str | None = None) -> Resp
     if request.scope.get("head"):  # no body is sent: do not open what may be large
         return Response(status_code=status, headers=headers, media_type=media_type)
     file = content.open()
+    verify = content.verify if end - start == content.size else None
     return _ClosingAnswer(
-        _pieces(file, start, end), file.close, status_code=status, headers=headers, media_type=media_type
+        _pieces(file, start, end, verify),
+        file.close,
+        status_code=status,
+        headers=headers,
+        media_type=media_type,
     )
 
 
@@ -218,9 +226,14 @@ class _ClosingAnswer(StreamingResponse):
             self._close()
 
 
-def _pieces(file: BinaryIO, start: int, end: int) -> Iterator[bytes]:
+def _pieces(file: BinaryIO, start: int, end: int, verify: Callable[[bytes], None] | None) -> Iterator[bytes]:
     file.seek(start)
     left = end - start
+    digest = hashlib.sha256()
     while left > 0 and (piece := file.read(min(PIECE, left))):
         left -= len(piece)
+        if verify is not None:
+            digest.update(piece)
+            if left == 0:
+                verify(digest.digest())
         yield piece

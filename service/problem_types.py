@@ -236,7 +236,7 @@ PROBLEMS: Final[dict[str, ProblemType]] = {
             "A stored file is damaged",
             "What is on the service's disk is not what was written there, or is missing; `detail` names it. Of a job: "
             "delete it, after its end, and send it again, for the same mesh and parameters give the same bytes. Of a "
-            "mesh: delete it, and before it the jobs that name it, and upload it again.",
+            "mesh: upload it again, if it is damaged after deleting it, and before it the jobs that name it.",
         ),
         ProblemType(
             "not-ready",

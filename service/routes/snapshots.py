@@ -289,5 +289,6 @@ async def download_archive(
             filename=name,
             cache_control=IMMUTABLE,
             open=found.take,
+            verify=found.verify,
         )
         return deliver(request, content)

@@ -48,6 +48,19 @@ def test_a_file_is_built_once_and_found_by_other_processes(tmp_path: Path) -> No
     assert content(FileCache(tmp_path, MIB, 0), "b", writes(b"")) == b""
 
 
+def test_what_a_disk_has_damaged_is_made_anew(tmp_path: Path) -> None:
+    """Whoever reads it finds out, and the next does not meet it."""
+    cache = FileCache(tmp_path, MIB, 0)
+    content(cache, "a", writes(b"alpha"))
+    (path,) = tmp_path.iterdir()
+    whole = path.read_bytes()
+    for damaged in (b"A" + whole[1:], whole[:20], b""):
+        path.write_bytes(damaged)
+        assert cache.read("a", lambda: b"alpha") == b"alpha"
+        assert cache.read("a", lambda: b"alpha") == b"alpha"
+        assert path.read_bytes() == whole
+
+
 def test_of_several_who_ask_at_once_one_builds(tmp_path: Path) -> None:
     cache, calls = FileCache(tmp_path, MIB, 0), list[bytes]()
     etags = set()

@@ -1,9 +1,10 @@
-"""What becomes of an answer whose files are replaced or deleted while it is made."""
+"""What becomes of an answer whose files are replaced or deleted while it is made, or damaged."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import BinaryIO
 
 import httpx
@@ -16,7 +17,7 @@ from spherify.jobs.settle import settle
 from spherify.settings import Settings
 from spherify.stores.blobs import FolderBlobStore
 from spherify.stores.connect import Stores
-from tests.service.conftest import Hand, problem, serve
+from tests.service.conftest import OCTAHEDRON, Hand, problem, serve
 
 STATES = ["snapshots/0.ply", "snapshots/0/positions", "snapshots/0/fields/distance", "snapshots/initial"]
 
@@ -134,10 +135,45 @@ def test_a_job_of_which_a_file_is_missing_cannot_be_gone_on_with(
 
 
 @pytest.mark.parametrize(("path", "what"), [("content", "uploaded file of"), ("content.ply", "stored mesh")])
-def test_a_mesh_whose_file_is_missing_is_named_with_the_cure(
+def test_a_mesh_whose_file_is_missing_is_named_with_the_cure_which_helps(
     client: httpx.Client, stores: Stores, known: str, path: str, what: str
 ) -> None:
     for key in (layout.mesh_arrays(known), layout.mesh_original(known, "obj")):
         assert stores.blobs.delete(key)
     detail = problem(client.get(f"/v1/meshes/{known}/{path}"), 500, "stored-file-damaged")["detail"]
-    assert f"the {what} {known} is missing: delete it" in str(detail)
+    assert detail == f"the {what} {known} is missing: upload it again"
+    assert client.put("/v1/meshes?name=octahedron.obj", content=OCTAHEDRON).status_code == 200
+    assert client.get(f"/v1/meshes/{known}/{path}").status_code == 200
+
+
+@pytest.mark.parametrize("path", STATES)
+def test_a_damaged_file_of_the_cache_is_broken_off_and_made_anew(
+    client: httpx.Client, settings: Settings, submitted: Callable[..., Hand], path: str
+) -> None:
+    hand = submitted().claim().reach(0).end()
+    address = f"/v1/jobs/{hand.job_id}/{path}"
+    accept = {"Accept": "application/ply, */*;q=0.1"}
+    whole = client.get(address, headers=accept).content
+    (cached,) = (settings.data_dir / "cache").iterdir()
+    damage(cached)
+    with pytest.raises(httpx.RemoteProtocolError):
+        client.get(address, headers=accept)
+    assert client.get(address, headers=accept).content == whole
+
+
+@pytest.mark.parametrize("shorter", [False, True])
+def test_a_damaged_upload_is_broken_off(
+    client: httpx.Client, stores: Stores, settings: Settings, known: str, shorter: bool
+) -> None:
+    damage(settings.data_dir / "blobs" / layout.mesh_original(known, "obj"), shorter=shorter)
+    with pytest.raises(httpx.RemoteProtocolError):
+        client.get(f"/v1/meshes/{known}/content")
+
+
+def damage(path: Path, *, shorter: bool = False) -> None:
+    content = bytearray(path.read_bytes())
+    if shorter:
+        del content[-1]
+    else:
+        content[0] ^= 1
+    path.write_bytes(content)
