@@ -19,6 +19,7 @@ from typing import Final, TypeVar
 from spherify.jobs import layout
 from spherify.jobs.delete import delete_job
 from spherify.jobs.errors import JobNotFoundError, MeshInUseError, MeshNotFoundError, StoreUnavailableError
+from spherify.jobs.ids import is_job_id, time_of
 from spherify.jobs.model import Job
 from spherify.jobs.ports import BlobStat
 from spherify.jobs.restore import UNREADABLE, named, restore_deletion, restore_job, restore_mesh
@@ -135,7 +136,10 @@ class Inventory:
         settle(self._stock.jobs, self._stock.blobs, job_id)  # whoever deleted it may not have lived to
 
     def _compare(
-        self, unknown: Sequence[str], folder: Callable[[str], str], restore: Callable[[Stock, str], bool]
+        self,
+        unknown: Sequence[str],
+        folder: Callable[[str], str],
+        restore: Callable[[Stock, str], bool | None],
     ) -> list[str]:
         restored = []
         for name in unknown:
@@ -145,13 +149,11 @@ class Inventory:
                 restored.append(name)
         return restored
 
-    def _restored(self, name: str, folder: str, restore: Callable[[Stock, str], bool]) -> bool:
-        """Restore what was without a record in two rounds; what cannot be is removed when it is old."""
+    def _restored(self, name: str, folder: str, restore: Callable[[Stock, str], bool | None]) -> bool:
+        """Restore what was without a record in two rounds; what holds nothing to record is removed when it is old."""
         extra = named(name, "inventory")
         try:
-            if restore(self._stock, name):
-                log.warning("its record was lost: restored from its files", extra=extra)
-                return True
+            restored = restore(self._stock, name)
         except StoreUnavailableError:
             raise
         except UNREADABLE:  # and not removed: it may be all that is left
@@ -159,13 +161,19 @@ class Inventory:
                 log.exception("its record was lost, and its files cannot be read", extra=extra)
             self._unreadable.add(name)
         else:
-            if (removed := self._remove_old(folder)) > 0:
+            if restored:
+                log.warning("its record was lost: restored from its files", extra=extra)
+                return True
+            if restored is None and (removed := self._remove_old(name, folder)) > 0:
                 log.warning("%d files that belong to nothing: removed", removed, extra=extra)
                 return False
         self._seen.add(name)
         return False
 
-    def _remove_old(self, folder: str) -> int:
-        """Remove what nobody has written to for a day."""
-        newest = max((stat.created_at for stat in self._stock.blobs.list(folder)), default=0.0)
-        return remove_folder(self._stock.blobs, folder) if newest < time.time() - ORPHAN_S else 0
+    def _remove_old(self, name: str, folder: str) -> int:
+        """Remove what nobody has written to for a day; what is written at this moment stays."""
+        blobs = self._stock.blobs
+        found = list(blobs.list(folder))
+        begun = time_of(name) if is_job_id(name) else 0.0  # states that it has of another job are older
+        newest = max([begun, *(stat.created_at for stat in found)])
+        return sum(blobs.delete(stat.key) for stat in found) if newest < time.time() - ORPHAN_S else 0

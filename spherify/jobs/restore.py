@@ -12,9 +12,10 @@
     jobs/{job}/attempts/{token}.json    what attempts and losses there were, and how long they took
     meshes/{mesh}/record.json           the mesh
 
-What has a ``withdrawn.json`` was answered with "not accepted" and stays away. A spec without that and without a record
-belongs to a client who was answered nothing at all, or was told that the server does not answer when it had taken the
-job: such a job comes back too; sending the request again under the same Idempotency-Key finds it.
+What has a ``withdrawn.json`` was answered with "not accepted" and stays away, unless it had been taken all the same and
+an attempt at it has begun. A spec without that and without a record belongs to a client who was answered nothing at
+all, or was told that the server does not answer when it had taken the job: such a job comes back too; sending the
+request again under the same Idempotency-Key finds it.
 """
 
 from __future__ import annotations
@@ -54,12 +55,12 @@ def named(name: str, action: str) -> dict[str, str]:
     return {"job_id" if is_job_id(name) else "mesh_id": name, "action": action}
 
 
-def restore_mesh(stock: Stock, mesh_id: str) -> bool:
-    """Record a mesh again; whether there was anything to record."""
+def restore_mesh(stock: Stock, mesh_id: str) -> bool | None:
+    """Record a mesh again; False if it is known, None if there is nothing to record."""
     try:
         record = load_mesh_record(stock.blobs.read(layout.mesh_record(mesh_id)))
     except BlobNotFoundError:  # it was being deleted, or written
-        return False
+        return None
     return stock.meshes.add(record)
 
 
@@ -73,17 +74,20 @@ def restore_deletion(stock: Stock, tombstone: BlobStat) -> None:
             stock.repeats.remember(request.name, request.fingerprint, job_id, time_of(job_id))
 
 
-def restore_job(stock: Stock, job_id: str, still: Callable[[], object] = lambda: None) -> bool:
-    """Record a job again, as ended, cancelled or waiting; whether there was anything to record.
+def restore_job(stock: Stock, job_id: str, still: Callable[[], object] = lambda: None) -> bool | None:
+    """Record a job again, as ended, cancelled or waiting.
 
     Args:
         stock: where.
         job_id: which.
         still: called again and again: a job may have left a thousand files.
 
+    Returns:
+        False if it is known, was deleted, or may have been meanwhile; None if there is nothing to record.
+
     """
     if not is_job_id(job_id):
-        return False
+        return None
     # Before the files are read: who sleeps over a further loss restores nothing of what was.
     era = stock.jobs.era()
     tombstone = stock.blobs.stat(layout.tombstone(job_id))
@@ -93,17 +97,24 @@ def restore_job(stock: Stock, job_id: str, still: Callable[[], object] = lambda:
         return False
     spec = _spec(stock, job_id)
     if spec is None:
-        return False
+        return None
     ended = stock.blobs.stat(layout.result(job_id))
     result = read_result(stock.blobs, job_id)
-    if ended is None and result is None and stock.blobs.stat(layout.withdrawn(job_id)) is not None:
-        return False
+    if ended is None and result is None and _withdrawn(stock, job_id):
+        return None
     if spec.request is not None:
         stock.repeats.remember(spec.request.name, spec.request.fingerprint, job_id, spec.created_at)
     if result is None:
         return _restore_unfinished(stock, spec, era, still)
     job = _ended(spec, result, ended.created_at if ended else time.time())
     return stock.jobs.restore(job, result.rows, era=era)
+
+
+def _withdrawn(stock: Stock, job_id: str) -> bool:
+    """Whether nobody knows of a job; once an attempt has begun, whoever looked has seen it."""
+    if stock.blobs.stat(layout.withdrawn(job_id)) is None:
+        return False
+    return not any(True for _ in stock.blobs.list(layout.attempts(job_id)))
 
 
 def _bury(stock: Stock, tombstone: BlobStat) -> None:
@@ -151,7 +162,7 @@ def _trail(stock: Stock, job_id: str, still: Callable[[], object]) -> Trail:
     """Return what the attempts at a job left; what is of another form than ours is not in the way of the job."""
     try:
         return stock.find_trail(stock.blobs, job_id, still)
-    except StoreUnavailableError:
+    except (StoreUnavailableError, OSError):  # it may pass, and what the record does not name is removed
         raise
     except UNREADABLE:
         log.exception("restored without its snapshots", extra=named(job_id, "restore"))

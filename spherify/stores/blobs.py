@@ -76,7 +76,10 @@ class FolderBlobStore:
 
     def scratch(self) -> Path:
         """Return the folder for unfinished files, on the same file system; swept when they are old."""
-        return self.root / _SCRATCH
+        folder = self.root / _SCRATCH
+        if not folder.is_dir():
+            raise StoreUnavailableError("the data folder is not there: its disk may not be mounted")
+        return folder
 
     def open(self, key: str) -> BinaryIO:
         """Open for reading, seekable; raises `BlobNotFoundError`."""
@@ -104,7 +107,7 @@ class FolderBlobStore:
         folder = self._path(prefix.rstrip("/")) if prefix.rstrip("/") else self.root
         found = (
             Path(parent, name).relative_to(self.root)
-            for parent, folders, names in os.walk(folder)
+            for parent, folders, names in os.walk(folder, onerror=_raise_unless_missing)
             if _visible(folders)
             for name in names
         )
@@ -133,6 +136,7 @@ class FolderBlobStore:
             with os.scandir(folder) as entries:
                 names = [entry.name for entry in entries if entry.is_dir()]
         except FileNotFoundError:
+            self.scratch()  # where the disk is not mounted, nothing is there and nothing is gone
             return
         yield from sorted(names)
 
@@ -198,6 +202,12 @@ def _sync(path: Path) -> None:
 def _stat(key: str, path: Path) -> BlobStat:
     stat = path.stat()
     return BlobStat(key, stat.st_size, stat.st_mtime)
+
+
+def _raise_unless_missing(error: OSError) -> None:
+    """Raise what kept a folder from being read, which is not to be taken for an empty one."""
+    if not isinstance(error, FileNotFoundError | NotADirectoryError):
+        raise error
 
 
 def _visible(folders: list[str]) -> bool:

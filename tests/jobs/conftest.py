@@ -12,6 +12,7 @@ from spherify.jobs import layout
 from spherify.jobs.codec import dump_record
 from spherify.jobs.stock import Stock
 from spherify.settings import Settings
+from spherify.stores import keys
 from spherify.stores.connect import open_stores
 from spherify.stores.embedded import EmbeddedServer
 from spherify.stores.memory import MemoryJobStore
@@ -45,3 +46,20 @@ def stock(server: EmbeddedServer, client: redis.Redis, tmp_path: Path) -> Stock:
 def lose(client: redis.Redis) -> Callable[[], object]:
     """Return what makes the server forget everything."""
     return client.flushall
+
+
+@pytest.fixture
+def keep_copy(client: redis.Redis) -> Callable[[], Callable[[], object]]:
+    """Return what copies all records, and returns what puts that copy back in their place."""
+
+    def keep() -> Callable[[], object]:
+        for key in map(str, client.keys(keys.PREFIX + "*")):
+            client.copy(key, f"older:{key}")
+        return put_back
+
+    def put_back() -> None:
+        client.delete(*client.keys(keys.PREFIX + "*"))
+        for key in map(str, client.keys("older:*")):
+            client.rename(key, key.removeprefix("older:"))
+
+    return keep

@@ -42,9 +42,12 @@ from tests.jobs.world import submitted
 ROWS = [{"iteration": 0, "sphericity": 0.5}, {"iteration": 3, "sphericity": 0.1 + 0.2}]
 
 
-def ended(stock: Stock, outcome: Outcome, **changes: object) -> JobSpec:
-    """Submit a job and let a worker's part be played to its end."""
+def ended(
+    stock: Stock, outcome: Outcome, waiting: Callable[[], object] = lambda: None, **changes: object
+) -> JobSpec:
+    """Submit a job and let a worker's part be played to its end; `waiting` is called before that."""
     spec = submitted(stock, tags=("a", "b"), **changes)
+    waiting()
     token = stock.jobs.claim(spec.id, "w").token
     snapshots = (Snapshot(0, "k", "s", 1, {"sphericity": 0.5}, 1.0), Snapshot(3, "l", "t", 2, {}, 2.0))
     progress = Progress(3, 3, 1.5, 0.0, 2.0)
@@ -119,7 +122,6 @@ def test_what_attempts_have_cost_is_not_forgotten(stock: Stock, lose: Callable[[
     stock.jobs.lose(spec.id, first.token)
     second = replace(stock.jobs.claim(spec.id, "w"), spent_s=100.0)
     write_account(stock.blobs, spec.id, second)
-    write_account(stock.blobs, spec.id, second)  # the answer came twice
     key = layout.numbered(layout.checkpoints(spec.id), second.token, 7)
     stock.blobs.create(key, b"")
     with stock.blobs.open(key) as file:
@@ -318,15 +320,12 @@ def test_what_is_left_of_a_deleted_job_goes_though_the_server_forgot_that_it_was
 
 
 def test_a_deleted_job_that_an_older_copy_of_the_records_brings_back_is_deleted_again(
-    stock: Stock, client: redis.Redis
+    stock: Stock, keep_copy: Callable[[], Callable[[], object]]
 ) -> None:
     deleted, kept = (ended(stock, Outcome(JobStatus.SUCCESSFUL)) for _ in range(2))
-    for key in map(str, client.keys(keys.PREFIX + "*")):
-        client.copy(key, f"older:{key}")
+    put_back = keep_copy()
     delete_job(stock.jobs, stock.blobs, deleted.id)
-    client.delete(*client.keys(keys.PREFIX + "*"))
-    for key in map(str, client.keys("older:*")):
-        client.rename(key, key.removeprefix("older:"))
+    put_back()
     rounds(stock, 1)
     assert len(stock.jobs.find().items) == 2, "whoever deletes it may not have come so far"
     rounds(stock)
@@ -377,7 +376,7 @@ def test_a_job_whose_result_is_damaged_comes_back_and_goes_on(
 
 
 def test_files_that_belong_to_nothing_are_removed_when_they_are_old(stock: Stock, tmp_path: Path) -> None:
-    spec, young = job_spec(), job_spec()
+    spec, young = job_spec(at=1.0), job_spec()
     for made in (spec, young):
         stock.blobs.create(layout.spec(made.id), dump_record(made).encode())
         stock.blobs.create(layout.withdrawn(made.id), b"")

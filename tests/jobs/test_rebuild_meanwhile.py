@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -24,41 +25,44 @@ from tests.jobs.test_rebuild import ROWS, ended
 from tests.jobs.world import submitted
 
 
-def test_records_lost_once_more_during_the_rebuild_are_rebuilt_again(
-    stock: Stock, lose: Callable[[], object]
-) -> None:
-    specs = [submitted(stock) for _ in range(3)]
+@pytest.fixture
+def lost(stock: Stock, lose: Callable[[], object]) -> list[str]:
+    """Submit three jobs, and lose all records."""
+    job_ids = [submitted(stock).id for _ in range(3)]
     lose()
-    steps: list[int] = []
+    return job_ids
+
+
+def in_the_midst(do: Callable[[], object]) -> Callable[[], object]:
+    """Return what a rebuild is to call again and again, and does something the third time."""
+    steps = count(1)
 
     def still() -> None:
-        steps.append(1)
-        if len(steps) == 3:
-            lose()
+        if next(steps) == 3:
+            do()
 
-    assert rebuild(stock, still)
+    return still
+
+
+def test_records_lost_once_more_during_the_rebuild_are_rebuilt_again(
+    stock: Stock, lost: list[str], lose: Callable[[], object]
+) -> None:
+    assert rebuild(stock, in_the_midst(lose))
     assert not stock.jobs.complete()
     assert rebuild(stock)
     assert stock.jobs.complete()
-    assert {job.id for job in stock.jobs.find().items} == {spec.id for spec in specs}
+    assert sorted(job.id for job in stock.jobs.find().items) == sorted(lost)
 
 
 def test_two_who_rebuild_at_once_are_not_in_each_others_way(
-    stock: Stock, lose: Callable[[], object], caplog: pytest.LogCaptureFixture
+    stock: Stock, lost: list[str], caplog: pytest.LogCaptureFixture
 ) -> None:
-    specs = [submitted(stock) for _ in range(3)]
-    lose()
-    steps: list[int] = []
-
-    def still() -> None:
-        steps.append(1)
-        if len(steps) == 3:
-            assert rebuild(stock)
-
+    other: list[bool] = []
     with caplog.at_level("INFO"):
-        assert rebuild(stock, still)
+        assert rebuild(stock, in_the_midst(lambda: other.append(rebuild(stock))))
+    assert other == [True]
     assert stock.jobs.complete()
-    assert sorted(stock.queue.pending()) == sorted(spec.id for spec in specs), "each is sent once"
+    assert sorted(stock.queue.pending()) == sorted(lost), "each is sent once"
     assert not [line for line in caplog.messages if "lost again" in line]
 
 
