@@ -7,12 +7,16 @@ from __future__ import annotations
 
 import json
 import logging
-from contextlib import suppress
 from dataclasses import dataclass, replace
 
 from spherify.jobs import layout
 from spherify.jobs.codec import dumps
-from spherify.jobs.errors import BlobExistsError, BlobNotFoundError, DamagedBlobError
+from spherify.jobs.errors import (
+    BlobExistsError,
+    BlobNotFoundError,
+    DamagedBlobError,
+    StoreUnavailableError,
+)
 from spherify.jobs.ports import BlobStat, BlobStore, Claim
 
 log = logging.getLogger(__name__)
@@ -37,10 +41,19 @@ class Account:
 
 
 def write_account(blobs: BlobStore, job_id: str, claim: Claim) -> None:
-    """Keep what a claim tells; raises `StorageFullError`, `StoreUnavailableError`."""
+    """Keep what a claim tells: once, by which it is known that no other attempt has this token.
+
+    Raises:
+        StorageFullError: it is not kept.
+        StoreUnavailableError: or an older copy of the record gave the token out again; the next one is another.
+
+    """
     document = {"attempt": claim.attempt, "losses": claim.losses, "spent_s": claim.spent_s}
-    with suppress(BlobExistsError):  # the claim was answered twice
+    try:
         blobs.create(layout.account(job_id, claim.token), dumps(document).encode())
+    except BlobExistsError as e:
+        told = f"token {claim.token} was another attempt's, before an older copy of the record was put back"
+        raise StoreUnavailableError(told) from e
 
 
 def read_account(blobs: BlobStore, job_id: str) -> Account:

@@ -10,7 +10,7 @@ from spherify.jobs.errors import BlobExistsError, StorageFullError
 from spherify.jobs.finish import finish
 from spherify.jobs.model import JobStatus
 from spherify.jobs.ports import BlobStore, CancelOutcome, JobStore
-from spherify.jobs.results import read_result
+from spherify.jobs.results import publish_result, read_result
 from spherify.jobs.settle import settle
 
 log = logging.getLogger(__name__)
@@ -27,6 +27,8 @@ def cancel(jobs: JobStore, blobs: BlobStore, job_id: str) -> CancelOutcome:
         StorageFullError: the record knows of it, and nothing else: it is to be asked for again.
 
     """
+    if blobs.stat(layout.result(job_id)) is not None:
+        _tell_end(jobs, blobs, job_id)
     outcome = jobs.request_cancel(job_id)
     if outcome not in {CancelOutcome.CANCELLED, CancelOutcome.CANCELLING}:
         return outcome
@@ -52,6 +54,13 @@ def cancel(jobs: JobStore, blobs: BlobStore, job_id: str) -> CancelOutcome:
     if outcome is CancelOutcome.FINISHED and result is None:  # meanwhile: nobody is told of a cancel
         blobs.delete(layout.cancel(job_id))
     return outcome
+
+
+def _tell_end(jobs: JobStore, blobs: BlobStore, job_id: str) -> None:
+    """Have the record say how the job ended, if it is an older copy of a time when nobody had begun it."""
+    result, job = read_result(blobs, job_id), jobs.get(job_id)
+    if result is not None and job.status is JobStatus.ACCEPTED and job.token == 0:
+        publish_result(jobs, jobs.claim(job_id, "cancel").token, result)
 
 
 def _keep(blobs: BlobStore, job_id: str) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 
+from spherify.jobs import layout
 from spherify.jobs.errors import StorageFullError
 from spherify.jobs.model import Job, JobStatus, Outcome
 from spherify.jobs.outcome import worker_lost
@@ -33,6 +34,8 @@ def finish(jobs: JobStore, blobs: BlobStore, job_id: str) -> bool:
 def conclude(jobs: JobStore, blobs: BlobStore, job_id: str, token: int) -> bool:
     """End a job that was claimed for this; False if somebody else has it now. Raises as `finish`."""
     result = read_result(blobs, job_id)
+    if result is None and blobs.stat(layout.cancel(job_id)) is not None:  # the record may be an older copy
+        jobs.request_cancel(job_id)
     if result is not None:
         ended = publish_result(jobs, token, result)
     elif (sealed := jobs.seal(job_id, token)) is Renewal.FENCED:

@@ -12,14 +12,15 @@ import pytest
 from spherify.jobs import layout
 from spherify.jobs.cancel import cancel
 from spherify.jobs.errors import StorageFullError, StoreUnavailableError
-from spherify.jobs.finish import conclude
-from spherify.jobs.model import JobStatus
+from spherify.jobs.finish import conclude, finish
+from spherify.jobs.model import JobStatus, Outcome
 from spherify.jobs.ports import BlobStat, CancelOutcome, ClaimOutcome, Renewal
 from spherify.jobs.rebuild import rebuild
 from spherify.jobs.restore import restore_job
 from spherify.jobs.results import read_result
 from spherify.jobs.stock import Stock
 from spherify.stores.blobs import FolderBlobStore
+from tests.jobs.test_rebuild import ended
 from tests.jobs.world import submitted
 
 
@@ -154,3 +155,28 @@ def test_whoever_cancels_is_not_told_that_it_was_too_late_for_it(
     token = stock.jobs.claim(spec.id, "w").token
     outcome = CancelOutcome.CANCELLED if told else CancelOutcome.CANCELLING
     assert cancel(stock.jobs, Slow(tmp_path / "blobs"), spec.id) is outcome
+
+
+def test_a_cancel_counts_though_an_older_copy_of_the_record_says_that_the_job_was_lost_too_often(
+    stock: Stock,
+) -> None:
+    spec = submitted(stock)
+    while stock.jobs.lose(spec.id, stock.jobs.claim(spec.id, "dies").token):
+        pass
+    stock.blobs.create(layout.cancel(spec.id), b"")
+    assert finish(stock.jobs, stock.blobs, spec.id)
+    job = stock.jobs.get(spec.id)
+    assert (job.status, job.error) == (JobStatus.CANCELLED, None)
+
+
+def test_a_job_that_has_ended_is_not_cancelled_though_an_older_copy_of_its_record_waits(
+    stock: Stock, keep_copy: Callable[[], Callable[[], object]]
+) -> None:
+    put_back: list[Callable[[], object]] = []
+    spec = ended(stock, Outcome(JobStatus.SUCCESSFUL), waiting=lambda: put_back.append(keep_copy()))
+    before = stock.jobs.get(spec.id)
+    put_back[0]()
+    assert stock.jobs.get(spec.id).status is JobStatus.ACCEPTED
+    assert cancel(stock.jobs, stock.blobs, spec.id) is CancelOutcome.FINISHED
+    after = stock.jobs.get(spec.id)
+    assert (after.status, after.snapshots) == (JobStatus.SUCCESSFUL, before.snapshots)
