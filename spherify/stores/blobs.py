@@ -171,12 +171,17 @@ def check_key(key: str) -> None:
 
 @contextmanager
 def naming_full(key: str) -> Iterator[None]:
-    """Turn what the system raises when there is no space into `StorageFullError`."""
+    """Turn what the system raises when there is no space into `StorageFullError`.
+
+    And into `StoreUnavailableError` what it raises when a disk takes no writes at all, mounted read-only after an error.
+    """
     try:
         yield
     except OSError as e:
         if e.errno in FULL:
             raise StorageFullError(f"there is no space left to store {key}") from e
+        if e.errno == errno.EROFS:
+            raise StoreUnavailableError(f"the disk takes no writes, {key} neither") from e
         raise
 
 

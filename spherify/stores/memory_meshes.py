@@ -20,7 +20,9 @@ class MemoryMeshStore:
 
     def add(self, record: MeshRecord) -> bool:
         """Record a mesh whose files are durable; False if it was known already (nothing changes)."""
-        return self._records.setdefault(record.id, record) is record
+        new = record.id not in self._records
+        self._records.setdefault(record.id, record)
+        return new
 
     def get(self, mesh_id: str) -> MeshRecord:
         """Return one record; raises `MeshNotFoundError`."""

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import errno
 import os
 import random
 import resource
@@ -11,7 +12,13 @@ from pathlib import Path
 
 import pytest
 
-from spherify.jobs.errors import BlobExistsError, BlobNotFoundError, JobsError, StorageFullError
+from spherify.jobs.errors import (
+    BlobExistsError,
+    BlobNotFoundError,
+    JobsError,
+    StorageFullError,
+    StoreUnavailableError,
+)
 from spherify.jobs.ports import BlobStore
 from spherify.stores.blobs import FolderBlobStore
 from spherify.stores.files import open_blobs
@@ -170,6 +177,28 @@ def test_a_full_disk_is_named_and_leaves_nothing(tmp_path: Path) -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
     assert blobs.stat("a/b") is None
     assert list(blobs.scratch().iterdir()) == []
+
+
+def test_a_disk_that_takes_no_writes_is_away(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise OSError(errno.EROFS, "Read-only file system")
+
+    blobs = FolderBlobStore(tmp_path)
+    monkeypatch.setattr(os, "link", refuse)
+    with pytest.raises(StoreUnavailableError, match="takes no writes"):
+        blobs.create("a/b", b"content")
+    assert list(blobs.scratch().iterdir()) == []
+
+
+def test_a_folder_that_cannot_be_read_is_not_empty(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise OSError(errno.EMFILE, "Too many open files")
+
+    blobs = FolderBlobStore(tmp_path)
+    blobs.create("a/b", b"content")
+    monkeypatch.setattr(os, "scandir", refuse)
+    with pytest.raises(OSError, match="Too many"):
+        list(blobs.list("a"))
 
 
 def test_deleting_and_creating_beside_each_other_do_not_disturb(tmp_path: Path) -> None:

@@ -32,6 +32,7 @@ def test_a_mesh_is_known_once(stores: Stores) -> None:
     meshes, _ = stores
     record = mesh_record()
     assert meshes.add(record) is True
+    assert meshes.add(record) is False
     assert meshes.add(mesh_record(created_at=2.0)) is False
     assert meshes.get(record.id) == record
     assert meshes.find().items == (record,)
