@@ -173,7 +173,7 @@ def check_key(key: str) -> None:
 def naming_full(key: str) -> Iterator[None]:
     """Turn what the system raises when there is no space into `StorageFullError`.
 
-    And into `StoreUnavailableError` what it raises when a disk takes no writes at all, mounted read-only after an error.
+    And, when a disk takes no writes at all, mounted read-only after an error, into `StoreUnavailableError`.
     """
     try:
         yield
