@@ -6,14 +6,19 @@ export interface Faults {
   readonly open: Float32Array<ArrayBuffer>;
   /** The same of every edge with more than two. */
   readonly crowded: Float32Array<ArrayBuffer>;
+  /** The same of every edge whose two triangles look to different sides. */
+  readonly turned: Float32Array<ArrayBuffer>;
   /** Triangles that do not belong to the largest part. */
   readonly strays: Uint32Array<ArrayBuffer>;
 }
 
+const BACK = 2 ** 26; // more than an edge has triangles
+
 /** Find what is wrong with a welded surface. */
 export function faultsOf({ positions, index }: Surface): Faults {
   const vertices = positions.length / 3;
-  const uses = new Map<number, number>(); // an edge as one number: exact up to 9·10¹⁵
+  // an edge as one number, exact up to 9·10¹⁵; how often it is passed from its lesser end on, and how often back
+  const uses = new Map<number, number>();
   const parent = Uint32Array.from({ length: vertices }, (_, v) => v);
   const root = (v: number): number => {
     let at = v;
@@ -29,19 +34,26 @@ export function faultsOf({ positions, index }: Surface): Faults {
       const b = index[t + ((side + 1) % 3)] ?? 0;
       if (a === b) continue;
       const key = Math.min(a, b) * vertices + Math.max(a, b);
-      uses.set(key, (uses.get(key) ?? 0) + 1);
+      uses.set(key, (uses.get(key) ?? 0) + (a < b ? 1 : BACK));
       parent[root(a)] = root(b);
     }
   }
   const open: number[] = [];
   const crowded: number[] = [];
-  for (const [key, count] of uses) {
-    if (count === 2) continue;
+  const turned: number[] = [];
+  for (const [key, passed] of uses) {
+    if (passed === 1 + BACK) continue;
+    const count = (passed % BACK) + Math.floor(passed / BACK);
+    const found = count === 1 ? open : count === 2 ? turned : crowded;
     const ends = [Math.floor(key / vertices), key % vertices];
-    for (const v of ends)
-      for (let axis = 0; axis < 3; axis++) (count === 1 ? open : crowded).push(positions[3 * v + axis] ?? 0);
+    for (const v of ends) for (let axis = 0; axis < 3; axis++) found.push(positions[3 * v + axis] ?? 0);
   }
-  return { open: Float32Array.from(open), crowded: Float32Array.from(crowded), strays: strays(index, root) };
+  return {
+    open: Float32Array.from(open),
+    crowded: Float32Array.from(crowded),
+    turned: Float32Array.from(turned),
+    strays: strays(index, root),
+  };
 }
 
 function strays(index: Uint32Array, root: (v: number) => number): Uint32Array<ArrayBuffer> {

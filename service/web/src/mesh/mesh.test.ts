@@ -134,6 +134,13 @@ describe('faults', () => {
     expect([...strays]).toEqual([9, 10, 11]);
   });
 
+  it('are the edges around a side that looks inward', () => {
+    const { open, crowded, turned } = faultsOf(obj(CUBE.replace('f 4 3 2 1', 'f 1 2 3 4')));
+    expect(turned.length / 6).toBe(4);
+    expect([...turned].filter((_, i) => i % 3 === 2)).toEqual(Array(8).fill(-1));
+    expect(open.length + crowded.length).toBe(0);
+  });
+
   it('vanish where loose triangles are welded', () => {
     const { positions, index } = obj(CUBE);
     const loose = Float32Array.from([...index].flatMap((v) => [...positions.slice(3 * v, 3 * v + 3)]));

@@ -32,9 +32,9 @@ export class FaultLines {
     const points = places
       .filter((place) => place.kind === 'vertex')
       .flatMap((place) => place.positions.flat());
-    const drawn = faults !== null && faults.open.length + faults.crowded.length > 0;
-    const segments = drawn ? [faults.open, faults.crowded] : [Float32Array.from(edges)];
-    for (const some of segments) if (some.length > 0) this.lines(some);
+    const found = faults === null ? [] : [faults.open, faults.crowded, faults.turned];
+    const drawn = found.some((some) => some.length > 0);
+    for (const some of drawn ? found : [Float32Array.from(edges)]) if (some.length > 0) this.lines(some);
     if (points.length > 0) this.points(Float32Array.from(points));
     if (faults !== null && positions !== null && faults.strays.length > 0)
       this.part(faults.strays, positions);

@@ -100,7 +100,7 @@ export class Viewer {
     this.remote.send({ ask: 'drop', key });
   }
 
-  /** Draw what is wrong with the surface; it may stand alone, if there is no preview. */
+  /** Draw what is wrong with the surface that was loaded last. */
   mark(faults: Located | null, places: readonly Location[]): void {
     this.remote.send({ ask: 'mark', faults, places, positions: faults?.positions ?? null });
     this.invalidate();
