@@ -93,6 +93,27 @@ def test_a_run_is_followed_although_its_events_cannot_be_had_at_first(
     expect(status(page)).to_have_text("Cancelled")
 
 
+def test_small_pictures_come_once_a_service_that_was_away_is_back(
+    page: Page, complaints: Complaints, stack: Stack, run: str
+) -> None:
+    complaints.expect(NETWORK)
+    turned_away: list[Route] = []
+
+    def busy(route: Route) -> None:
+        if turned_away:
+            route.continue_()
+            return
+        turned_away.append(route)
+        route.fulfill(status=503, content_type="application/problem+json", body="{}")
+
+    page.route(f"**/v1/jobs/{run}/snapshots/initial/positions*", busy)
+    page.goto(stack.url)
+    page.get_by_label("Only with this tag").fill("gallery")
+    page.get_by_label("Only with this tag").blur()
+    expect(page.locator(".run", has_text="animal").locator("img")).to_be_visible()
+    assert turned_away
+
+
 def test_an_address_of_nothing_says_so(page: Page, complaints: Complaints, stack: Stack) -> None:
     complaints.expect(NETWORK)
     page.goto(f"{stack.url}/?job=job_01K5Z9Q8M4T6V2X0Y7R3N1W5BC")
@@ -221,6 +242,8 @@ def test_a_lost_picture_comes_back(page: Page, stack: Stack, run: str) -> None:
     drawing.evaluate("self.loss = self.context.getExtension('WEBGL_lose_context')")
     drawing.evaluate("self.loss.loseContext()")
     expect(page.locator(".note")).to_contain_text("took the picture away")
+    page.get_by_role("button", name="Picture", exact=True).last.click()
+    expect(page.get_by_text("The picture could not be made")).to_be_visible()
     drawing.evaluate("self.loss.restoreContext()")
     expect(page.locator(".note")).to_have_count(0)
     wait_for(lambda: difference(before, canvas.screenshot()) < 1, what="the same picture again")

@@ -47,7 +47,7 @@ function errorOf(failure: Failure): Error {
     const headers = new Headers(failure.wait ? { 'retry-after': failure.wait } : {});
     return problemOf(failure.status, failure.body ?? '', headers);
   }
-  if (failure.name === 'TypeError' && failure.message.includes('fetch')) return unreachable();
+  if (failure.name === 'UnreachableError') return unreachable();
   const error = new Error(failure.message);
   error.name = failure.name;
   return error;

@@ -22,6 +22,11 @@ class AnswerError extends Error {
   }
 }
 
+/** Nothing answered, or an answer broke off; browsers say so in words of their own. */
+class UnreachableError extends Error {
+  override readonly name = 'UnreachableError';
+}
+
 const runs = new Map<string, Decimation>();
 let previewed: Surface | null = null; // the last one, should it be refused
 
@@ -99,10 +104,13 @@ function known(key: string): Decimation {
 }
 
 async function fetched(url: string): Promise<ArrayBuffer> {
-  const answer = await fetch(url);
-  if (!answer.ok)
+  try {
+    const answer = await fetch(url);
+    if (answer.ok) return await answer.arrayBuffer();
     throw new AnswerError(answer.status, await answer.text(), answer.headers.get('retry-after'));
-  return answer.arrayBuffer();
+  } catch (thrown) {
+    throw thrown instanceof TypeError ? new UnreachableError() : thrown;
+  }
 }
 
 /** Collect the buffers of an answer, which are handed over and not copied. */

@@ -1,8 +1,10 @@
 import { poseOf } from '../core/camera';
 import { Emitter } from '../core/emitter';
 import type { CameraView, Up } from '../core/route';
+import { asProblem } from '../api/problem';
 import { Shelf } from '../core/shelf';
 import { storage } from '../core/storage';
+import { willPass } from '../mesh/frames';
 import type { MeshWorker } from '../mesh/pool';
 import { idle, painted } from '../ui/painted';
 import { warm } from '../viewer/easels';
@@ -10,6 +12,7 @@ import { sketch } from '../viewer/remote';
 
 const SIZE = 192;
 const FROM: CameraView = { azimuth: 0.65, elevation: 0.38, distance: 3.3, target: [0, 0, 0] };
+const AGAIN_MS = 3000;
 const MOST = 150; // some 4 kB each
 const NAME = 'spherify thumbnails 2'; // another number where they are drawn another way
 const NEVER_OLD = new Set(['initial', 'final']); // what is asked for of finished jobs alone, or never changes
@@ -36,7 +39,7 @@ export class Thumbnails extends Emitter {
     const kept = this.shelf.get(key);
     this.pictures.set(key, kept);
     if (kept !== null) return kept;
-    this.queues[which === 'initial' ? 0 : 1].push(() => this.draw(key, job, which, up));
+    this.queues[which === 'initial' ? 0 : 1].push(() => this.attempt(key, job, which, up));
     if (!this.working) void this.work();
     return null;
   }
@@ -52,11 +55,7 @@ export class Thumbnails extends Emitter {
     await painted();
     for (let next = this.next(); next; next = this.next()) {
       await this.turn();
-      try {
-        await next();
-      } catch {
-        // a picture less: its job may have been deleted meanwhile, and its place stays empty
-      }
+      await next();
     }
     this.working = false;
   }
@@ -72,6 +71,24 @@ export class Thumbnails extends Emitter {
 
   private next(): (() => Promise<void>) | undefined {
     return this.queues[0].shift() ?? this.queues[1].shift();
+  }
+
+  private async attempt(key: string, job: string, which: string, up: Up): Promise<void> {
+    try {
+      await this.draw(key, job, which, up);
+    } catch (thrown) {
+      // its job may have been deleted meanwhile, and its place stays empty; or the service is away for a moment
+      if (willPass(thrown))
+        setTimeout(() => {
+          this.forget(key);
+        }, asProblem(thrown).waitMs(AGAIN_MS));
+    }
+  }
+
+  /** Let a picture be asked for once more. */
+  private forget(key: string): void {
+    this.pictures.delete(key);
+    this.changed();
   }
 
   private async draw(key: string, job: string, which: string, up: Up): Promise<void> {
