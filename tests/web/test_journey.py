@@ -189,8 +189,11 @@ def test_a_state_begins_a_new_run(
     *, page: Page, context: BrowserContext, stack: Stack, api: Api, run: str
 ) -> None:
     context.grant_permissions(["clipboard-read", "clipboard-write"], origin=stack.url)
-    page.goto(f"{stack.url}/?job={run}&it=5&up=z")
+    page.goto(f"{stack.url}/?job={run}&it=5")
     settled(page)
+    wait_for(lambda: "up=z" in address(page), what="the run's upright axis, which the address did not name")
+    page.get_by_role("button", name="curl").click()
+    assert json.loads(page.evaluate("navigator.clipboard.readText()").split("'")[1])["tags"] == ["up:z"]
     page.get_by_role("button", name="From here").click()
     expect(page).to_have_url(re.compile(r"\?mesh=mesh_\w+&up=z"))
     expect(page.get_by_role("heading", name="animal_it00005.ply", level=2)).to_be_visible()

@@ -43,6 +43,7 @@ describe('snippets', () => {
       name: 'cat',
     });
     expect(requestOf({ ...job, parameters: defaults }, defaults)).not.toHaveProperty('parameters');
+    expect(requestOf(job, defaults, ['up:z']).tags).toEqual(['up:z']);
     expect(requestOf(job, null).parameters).toHaveProperty('window');
   });
 });

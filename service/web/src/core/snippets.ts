@@ -32,6 +32,7 @@ with httpx.Client(base_url="${origin}", timeout=60) as http:
  * Return the request again for a job that there is.
  *
  * @param defaults of its preset: only what differs from them is named; null where they are not known.
+ * @param tags for the new job: those of the old one may say where it alone belongs.
  */
 export function requestOf(
   job: {
@@ -42,6 +43,7 @@ export function requestOf(
     readonly name: string;
   },
   defaults: Values | null,
+  tags: readonly string[] = [],
 ): JobRequest {
   const { iterations, ...parameters } = changes(job.parameters as Values, defaults ?? {});
   return {
@@ -51,6 +53,7 @@ export function requestOf(
     ...(typeof iterations === 'number' ? { iterations } : {}),
     snapshots: planOf(job.snapshots.requested),
     name: job.name,
+    ...(tags.length > 0 ? { tags: [...tags] } : {}),
   };
 }
 

@@ -8,7 +8,7 @@ import { formatRoute, PLAIN, type Route } from '../core/route';
 import { broken } from '../ui/broken';
 import { BatchForm, MOST_RUNS } from './batchform';
 import type { Context, View } from './context';
-import { UPRIGHT_Z, upOf, upOfFile } from './up';
+import { tagsOf, upOf, upOfFile } from './up';
 
 export const MOST_FILES = 50;
 const AT_ONCE = 2;
@@ -197,7 +197,7 @@ export class BatchView implements View {
         ...(Object.keys(parameters).length > 0 ? { parameters } : {}),
         ...(typeof iterations === 'number' ? { iterations } : {}),
         name: name.slice(0, 120),
-        tags: [this.tag, ...(upOfFile(file.name) === 'z' ? [UPRIGHT_Z] : [])],
+        tags: [this.tag, ...tagsOf(upOfFile(file.name))],
       });
     } catch (thrown) {
       return asProblem(thrown);

@@ -18,6 +18,7 @@ import type { Context, View } from './context';
 import { attempt, cancellable, remove } from './deeds';
 import { over, stageNotes } from './notes';
 import { Stage } from './stage';
+import { tagsOf } from './up';
 
 const MOST_OTHERS = 30;
 
@@ -144,7 +145,8 @@ export class JobView implements View {
   }
 
   private request(job: Job): JobRequest {
-    return requestOf(job, this.context.catalogue.parameters?.defaults[job.preset] ?? null);
+    const defaults = this.context.catalogue.parameters?.defaults[job.preset] ?? null;
+    return requestOf(job, defaults, tagsOf(this.stage.viewer.camera.up));
   }
 
   private actions(job: Job): TemplateResult {

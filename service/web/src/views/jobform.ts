@@ -11,7 +11,7 @@ import { fields, prose, sound } from '../ui/form';
 import { icon } from '../ui/icons';
 import { problemCard } from '../ui/problem';
 import type { Context } from './context';
-import { UPRIGHT_Z } from './up';
+import { tagsOf } from './up';
 
 const PLANS = [
   ['log:40', 'Forty, more of them early'],
@@ -216,6 +216,7 @@ export class JobForm {
 
   private get request(): JobRequest {
     const { iterations, ...parameters }: Record<string, Json> = changes(this.values, this.original);
+    const tags = tagsOf(this.upright());
     return {
       mesh_id: this.mesh.id,
       preset: this.preset,
@@ -223,7 +224,7 @@ export class JobForm {
       ...(typeof iterations === 'number' ? { iterations } : {}),
       snapshots: this.plan.trim(),
       ...(this.name.trim() ? { name: this.name.trim() } : {}),
-      ...(this.upright() === 'z' ? { tags: [UPRIGHT_Z] } : {}),
+      ...(tags.length > 0 ? { tags } : {}),
     };
   }
 

@@ -12,6 +12,7 @@ import { Timeline } from '../ui/timeline';
 import { Viewer } from '../viewer/viewer';
 import type { Shown } from '../viewer/asks';
 import type { Context } from './context';
+import { upOf } from './up';
 
 const GLIDE_S = 0.5;
 const AHEAD = 2;
@@ -208,6 +209,8 @@ export class Stage extends Emitter {
         this.viewer.load(drawable, key);
       });
       if (this.isClosed()) return;
+      const job = this.run.state?.job;
+      if (job && upOf(job) === 'z') this.up ??= 'z'; // an address need not say what the run does
       if (this.up !== null) this.viewer.up = this.up;
       this.viewer.wire = this.wire;
       this.opened = 'yes';
