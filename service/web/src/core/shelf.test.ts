@@ -26,6 +26,13 @@ function storage(room = Infinity): {
 }
 
 describe('a shelf', () => {
+  it('knows of what another tab put on it', () => {
+    const kept = storage();
+    const tabs = [new Shelf(kept, 'shelf', 3), new Shelf(kept, 'shelf', 3)];
+    for (const key of ['a', 'b', 'c', 'd', 'e']) tabs.reverse()[0]?.put(key, key);
+    expect([...kept.texts.keys()].sort()).toEqual(['shelf', 'shelf c', 'shelf d', 'shelf e']);
+  });
+
   it('keeps from one visit to the next, and the newest so many', () => {
     const kept = storage();
     const shelf = new Shelf(kept, 'shelf', 2);

@@ -1,7 +1,5 @@
 /** Small texts that the browser keeps from one visit to the next: so many at most, the oldest go first. */
 export class Shelf {
-  private keys: string[];
-
   /**
    * @param storage the browser's; null where there is none, and nothing is kept.
    * @param name of the shelf within it; another name, and what lay on the old one is forgotten.
@@ -11,9 +9,7 @@ export class Shelf {
     private readonly storage: Pick<Storage, 'getItem' | 'setItem' | 'removeItem'> | null,
     private readonly name: string,
     private readonly most: number,
-  ) {
-    this.keys = parsed(storage?.getItem(name) ?? null);
-  }
+  ) {}
 
   get(key: string): string | null {
     return this.storage?.getItem(`${this.name} ${key}`) ?? null;
@@ -22,28 +18,31 @@ export class Shelf {
   /** Keep a text; where there is no room even without the older half, it is not kept. */
   put(key: string, text: string): void {
     if (this.storage === null) return;
-    this.keys = [...this.keys.filter((one) => one !== key), key];
-    this.drop(this.keys.length - this.most);
+    // read anew each time: the page may stand in another tab, too, which keeps texts of its own here
+    const others = parsed(this.storage.getItem(this.name)).filter((one) => one !== key);
+    const keys = this.dropped(others, others.length + 1 - this.most);
     try {
-      this.write(key, text);
+      this.write(key, text, keys);
     } catch {
-      this.drop(Math.ceil(this.keys.length / 2)); // the browser's room is used up
+      const fewer = this.dropped(keys, Math.ceil(keys.length / 2)); // the browser's room is used up
       try {
-        this.write(key, text);
+        this.write(key, text, fewer);
       } catch {
-        this.keys = this.keys.filter((one) => one !== key); // by others: it is made again next time
+        // by others: it is made again next time
       }
     }
   }
 
-  private write(key: string, text: string): void {
+  private write(key: string, text: string, others: readonly string[]): void {
     this.storage?.setItem(`${this.name} ${key}`, text);
-    this.storage?.setItem(this.name, JSON.stringify(this.keys));
+    this.storage?.setItem(this.name, JSON.stringify([...others, key]));
   }
 
-  private drop(count: number): void {
-    for (const key of this.keys.slice(0, Math.max(count, 0))) this.storage?.removeItem(`${this.name} ${key}`);
-    this.keys = this.keys.slice(Math.max(count, 0));
+  /** Forget the first so many; returns the keys of the others. */
+  private dropped(keys: readonly string[], count: number): readonly string[] {
+    const gone = keys.slice(0, Math.max(count, 0));
+    for (const key of gone) this.storage?.removeItem(`${this.name} ${key}`);
+    return keys.slice(gone.length);
   }
 }
 
