@@ -29,7 +29,7 @@ class Order:
         token: fencing token of the attempt, part of the names of its files.
         data_dir: folder of the blob store.
         memory_bytes: limit of the runner's address space.
-        deadline_s: seconds of computing.
+        deadline_s: seconds from the moment it has the order; then it keeps the state it is at, and ends.
         checkpoint_s: seconds between checkpoints.
         engine: who computes a new run; None is the default.
         threads: it computes with.

@@ -17,6 +17,7 @@ import traceback
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
+from time import monotonic
 from types import FrameType
 from typing import Any, BinaryIO, Final, NoReturn
 
@@ -125,12 +126,13 @@ def work(order: Order, pipe: BinaryIO, told: list[Stop]) -> None:
     """Do what the order says; whatever goes wrong in a way that would go wrong again becomes an event."""
     blobs = open_blobs(order.blobs, Path(order.data_dir), patience_s=_PATIENCE_S)
     sink = PipeSink(blobs, order, pipe)
+    till = monotonic() + order.deadline_s
     try:
         _limit_memory(order.memory_bytes)
         spec = load_spec(blobs.read(layout.spec(order.job_id)))
         arrays = load_arrays(blobs.read(layout.mesh_arrays(spec.mesh_id)))
         mesh = TriangleMesh.checked(arrays["vertices"], arrays["faces"])
-        end = _run(mesh, spec, sink, told)
+        end = _run(mesh, spec, sink, told, till)
     except MemoryError:
         _limit_memory(resource.RLIM_INFINITY)  # what remains to be done is small, and has to be said
         detail = f"the job needs more memory than the {order.memory_bytes / 2**20:.0f} MiB a runner may have"
@@ -162,7 +164,7 @@ def work(order: Order, pipe: BinaryIO, told: list[Stop]) -> None:
             )
 
 
-def _run(mesh: TriangleMesh, spec: JobSpec, sink: PipeSink, told: list[Stop]) -> RunEnd:
+def _run(mesh: TriangleMesh, spec: JobSpec, sink: PipeSink, told: list[Stop], till: float) -> RunEnd:
     config = stored_parameters(spec.parameters).config()
     plan = SnapshotPlan(spec.snapshots_requested)
 
@@ -181,7 +183,9 @@ def _run(mesh: TriangleMesh, spec: JobSpec, sink: PipeSink, told: list[Stop]) ->
                 engine=engine,
                 resume=found.arrays,
                 stop=lambda: told[-1] if told else None,
-                deadline_s=sink.order.deadline_s,
+                deadline_s=round(
+                    till - monotonic(), 1
+                ),  # files that were read counted, as the supervisor does
                 checkpoint_s=sink.order.checkpoint_s,
             )
         except InvalidCheckpointError as e:  # at once: of another version of the program, most likely

@@ -156,7 +156,7 @@ class _Attempt:
         self._told: Verdict | None = None
         self._told_at = now
         self._killed = False
-        self._ready = False
+        self._ready_at: float | None = None
         self._last: dict[str, Any] | None = None
 
     def go(self) -> None:
@@ -241,7 +241,7 @@ class _Attempt:
             if fenced or now - self._renewed_at > FENCE_SHARE * self._settings.lease_s:
                 runner.kill()
                 return Verdict.FENCED
-            if not self._ready and now - self._began > START_S:
+            if self._ready_at is None and now - self._began > START_S:
                 runner.kill()
                 return self._verdict()
             if runner.ended or self._last is not None:
@@ -252,7 +252,7 @@ class _Attempt:
 
     def _hear(self, event: dict[str, Any]) -> None:
         if event["event"] == "ready":
-            self._ready = True
+            self._ready_at = time.monotonic()
             self._boss.started(True)
             self._ending.say(logging.INFO, "start", f"under token {self._token}, process {event['pid']}")
         elif event["event"] in {"anew", "snapshot", "report"}:
@@ -283,7 +283,8 @@ class _Attempt:
         grace = self._settings.cancel_grace_s
         if self._boss.stopping():
             self._tell(Verdict.STOPPED, now)
-        overdue = now - self._began > self._limit_s + grace  # it looks at its limit itself
+        computing_s = 0.0 if self._ready_at is None else now - self._ready_at  # a start may take its time
+        overdue = computing_s > self._limit_s + grace  # it looks at its limit itself
         deaf = self._told is not None and now - self._told_at > grace
         if overdue or deaf:
             if not self._killed:
@@ -300,7 +301,7 @@ class _Attempt:
 
     def _verdict(self) -> Verdict:
         if self._last is None:
-            return self._told or (Verdict.DIED if self._ready else Verdict.UNBORN)
+            return self._told or (Verdict.UNBORN if self._ready_at is None else Verdict.DIED)
         return Verdict.ENDED if self._last["event"] != "handed-on" else self._told or Verdict.STOPPED
 
     # Concluding

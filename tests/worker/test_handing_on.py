@@ -1,8 +1,11 @@
-"""What comes of a job that is handed on at an awkward moment."""
+"""What comes of a job whose runner is started, or left, at an awkward moment."""
 
 from __future__ import annotations
 
 import errno
+import os
+import signal
+import time
 
 import pytest
 
@@ -53,3 +56,27 @@ def test_no_attempt_is_lost_because_the_next_runner_cannot_be_started(
     assert (job.status, job.losses) == (JobStatus.ACCEPTED, 0)
     assert not runners.last.alive
     runners.close()
+
+
+def test_a_runner_that_takes_long_to_start_has_its_time_and_keeps_the_state_it_comes_to(
+    stores: Stores, settings: Settings, runners: Watched, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Here a start takes more than the grace time, as on a busy machine."""
+    brief = settings.model_copy(update={"wall_limit_s": 1.0, "cancel_grace_s": 2.0})
+    job_id = endless(stores)
+    runners.prepare()
+    server = runners.server_pid
+    assert server is not None
+    os.kill(server, signal.SIGSTOP)
+    waits_since = time.monotonic()
+
+    def tick() -> bool:
+        if time.monotonic() - waits_since > 5.5:  # the least time of an attempt, and the grace
+            os.kill(server, signal.SIGCONT)
+        return False
+
+    job = supervise(stores, brief, runners, job_id, each_tick=tick)
+    assert (job.status, job.stop_reason, job.losses) == (JobStatus.FAILED, "deadline", 0)
+    assert job.progress is not None
+    assert job.result_iteration == job.progress.iteration > 2
+    assert "did not stop" not in caplog.text
