@@ -15,6 +15,7 @@ import sys
 import threading
 import traceback
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from time import monotonic
@@ -130,8 +131,7 @@ def work(order: Order, pipe: BinaryIO, told: list[Stop]) -> None:
     try:
         _limit_memory(order.memory_bytes)
         spec = load_spec(blobs.read(layout.spec(order.job_id)))
-        arrays = load_arrays(blobs.read(layout.mesh_arrays(spec.mesh_id)))
-        mesh = TriangleMesh.checked(arrays["vertices"], arrays["faces"])
+        mesh = _mesh(blobs, spec.mesh_id)
         end = _run(mesh, spec, sink, told, till)
     except MemoryError:
         _limit_memory(resource.RLIM_INFINITY)  # what remains to be done is small, and has to be said
@@ -162,6 +162,18 @@ def work(order: Order, pipe: BinaryIO, told: list[Stop]) -> None:
                 progress=asdict(end.progress),
                 rows=list(end.rows),
             )
+
+
+def _mesh(blobs: BlobStore, mesh_id: str) -> TriangleMesh:
+    """Return the job's mesh; what is wrong with its file is said with the cure."""
+    try:
+        arrays = load_arrays(blobs.read(layout.mesh_arrays(mesh_id)))
+    except BlobNotFoundError as e:
+        raise BlobNotFoundError(f"the stored mesh {mesh_id} is missing: upload it again, and retry") from e
+    except DamagedBlobError as e:
+        cure = "delete it, and before it the jobs that name it, and upload it again"
+        raise DamagedBlobError(f"the stored mesh {mesh_id} is damaged: {cure}") from e
+    return TriangleMesh.checked(arrays["vertices"], arrays["faces"])
 
 
 def _run(mesh: TriangleMesh, spec: JobSpec, sink: PipeSink, told: list[Stop], till: float) -> RunEnd:
@@ -196,7 +208,8 @@ def _run(mesh: TriangleMesh, spec: JobSpec, sink: PipeSink, told: list[Stop], ti
 
 
 def _note(sentence: str) -> None:
-    sys.stderr.write(f"{sentence}\n")
+    with suppress(OSError):  # the disk of the log may be full, and the job is not to end with that
+        sys.stderr.write(f"{sentence}\n")
 
 
 def _limit_memory(limit: int) -> None:

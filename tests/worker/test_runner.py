@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import json
 import resource
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -29,11 +31,22 @@ def test_files_that_cannot_be_reached_are_no_fault_of_the_job(
     for name, value in environment_for(port=1).items():  # nobody listens there
         monkeypatch.setenv(name, value)
     monkeypatch.setattr(runner, "_PATIENCE_S", 0.2)
-    pipe = io.BytesIO()
     order = _order(new_job_id()[0], tmp_path, blobs="s3://bucket")
-    runner.work(order, pipe, [])
-    assert json.loads(pipe.getvalue()) == {"event": "handed-on"}
+
+    def said() -> list[Any]:
+        pipe = io.BytesIO()
+        runner.work(order, pipe, [])
+        return [json.loads(line) for line in pipe.getvalue().splitlines()]
+
+    assert said() == [{"event": "handed-on"}]
     assert f"{order.job_id}: handed on" in capfd.readouterr().err
+
+    class Full(io.StringIO):
+        def write(self, _: str) -> int:
+            raise OSError(errno.ENOSPC, "full")
+
+    monkeypatch.setattr(sys, "stderr", Full())
+    assert said() == [{"event": "handed-on"}], "nor is a full disk of the log"
 
 
 def test_the_reading_of_states_counts_as_computing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,7 +6,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from spherify.geometry.flow import flow
+from spherify.jobs import layout
 from spherify.jobs.cancel import cancel
 from spherify.jobs.model import JobStatus
 from spherify.jobs.ports import CancelOutcome
@@ -52,13 +55,22 @@ def test_a_collapse_fails_and_keeps_its_best_state(stack: Stack) -> None:
     assert job.best_iteration in hashes(job)
 
 
-def test_a_job_that_cannot_be_computed_says_why(stack: Stack) -> None:
-    without_files = mesh_record("mesh_" + "0" * 26)
-    stack.stores.meshes.add(without_files)
-    job = finished(stack, submitted(stack, job_spec(mesh_id=without_files.id)))
+@pytest.mark.parametrize(
+    ("content", "what"),
+    [(None, "is missing: upload it again"), (b"damaged", "is damaged: delete it, and before it the jobs")],
+)
+def test_a_job_that_cannot_be_computed_says_why_with_the_cure(
+    stack: Stack, content: bytes | None, what: str
+) -> None:
+    mesh = mesh_record("mesh_" + ("0" if content is None else "1") * 26)
+    if content is not None:
+        stack.stores.blobs.create(layout.mesh_arrays(mesh.id), content)
+    stack.stores.meshes.add(mesh)
+    job = finished(stack, submitted(stack, job_spec(mesh_id=mesh.id)))
     assert job.status is JobStatus.FAILED
     assert job.error is not None
     assert job.error.code == "mesh-missing"
+    assert f"the stored mesh {mesh.id} {what}" in job.error.detail
     assert job.losses == 0
 
 
