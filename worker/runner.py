@@ -143,7 +143,11 @@ def work(order: Order, pipe: BinaryIO, told: list[Stop]) -> None:
         _note(f"{order.job_id}: handed on, {e}")
         sink.send("handed-on")
     except StorageFullError as e:
-        sink.send("failed", code="storage-full", detail=f"{e}: delete jobs that are no longer needed")
+        if told and told[-1] is Stop.HAND_ON:  # then the next attempt begins at what is kept already
+            _note(f"{order.job_id}: handed on without its last state, {e}")
+            sink.send("handed-on")
+        else:
+            sink.send("failed", code="storage-full", detail=f"{e}: delete jobs that are no longer needed")
     except (BlobNotFoundError, DamagedBlobError) as e:
         sink.send("failed", code="mesh-missing", detail=f"a file of this job cannot be read: {e}")
     except GeometryError as e:

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import errno
 import os
+import resource
 import signal
 import time
 
 import pytest
 
 from spherify.jobs import layout
+from spherify.jobs.cancel import cancel
 from spherify.jobs.model import JobStatus
+from spherify.jobs.ports import CancelOutcome
+from spherify.jobs.results import read_result
 from spherify.settings import Settings
 from spherify.stores.connect import Stores
 from tests.worker.supervised import Watched, endless
@@ -80,3 +84,28 @@ def test_a_runner_that_takes_long_to_start_has_its_time_and_keeps_the_state_it_c
     assert job.progress is not None
     assert job.result_iteration == job.progress.iteration > 2
     assert "did not stop" not in caplog.text
+
+
+@pytest.mark.parametrize("cancelled", [True, False], ids=["cancelled", "handed-on"])
+def test_a_runner_that_is_told_to_end_on_a_full_disk_ends_as_it_was_told(
+    stores: Stores, settings: Settings, runners: Watched, cancelled: bool
+) -> None:
+    """Only the state it is at is lost, and that is made again, or nobody asks for it any more."""
+    job_id = endless(stores)
+    full: list[int] = []
+
+    def fill() -> bool:
+        if not full and len(stores.jobs.get(job_id).snapshots) > 1:
+            full.append(runners.last.pid)
+            resource.prlimit(full[0], resource.RLIMIT_FSIZE, (64, 64))
+            if cancelled:
+                assert cancel(stores.jobs, stores.blobs, job_id) is CancelOutcome.CANCELLING
+        return bool(full) and not cancelled
+
+    job = supervise(stores, settings, runners, job_id, each_tick=fill)
+    assert full
+    expected = (JobStatus.CANCELLED, "cancelled") if cancelled else (JobStatus.ACCEPTED, None)
+    assert (job.status, job.stop_reason) == expected
+    assert (job.losses, job.error) == (0, None)
+    assert [snapshot.iteration for snapshot in job.snapshots] == [0, 2]
+    assert (read_result(stores.blobs, job_id) is not None) is cancelled
