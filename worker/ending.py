@@ -71,8 +71,11 @@ class Ending:
                 self.adopt(result)
                 return
         self.outbox.send_end(mine.progress)
-        if self._insist(lambda: self._jobs.commit(self._job_id, self._token, outcome, mine.kept)):
+        ended = self._insist(lambda: self._jobs.commit(self._job_id, self._token, outcome, mine.kept))
+        if ended:
             self._committed(outcome)
+        elif ended is False and outcome is mine.outcome:
+            self.adopt(mine)  # not ours any more, or an older copy of the record that lacks what was told
 
     def _result(self, outcome: Outcome, progress: Progress | None) -> Result:
         """Put together what the runner told and, if it did not tell its end itself, what the record knows besides."""

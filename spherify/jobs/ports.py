@@ -268,7 +268,10 @@ class JobStore(Protocol):
         ...
 
     def commit(self, job_id: str, token: int, outcome: Outcome, kept: Kept | None = None) -> bool:
-        """End a job, once, with the snapshots and rows kept only; the same again is True and changes nothing."""
+        """End a job, once, with the snapshots and rows kept only; the same again is True and changes nothing.
+
+        Refused also while one of these is not known: an older copy of the record was put back since it was told.
+        """
         ...
 
     # What the reconciler calls.

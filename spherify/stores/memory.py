@@ -236,7 +236,7 @@ class MemoryJobStore:
             if entry is not None and entry.committed == (token, outcome):
                 return True
             entry = self._held(job_id, token)
-            if entry is None:
+            if entry is None or (kept is not None and not entry.told(kept)):
                 return False
             entry.committed = (token, outcome)
             if kept is not None:

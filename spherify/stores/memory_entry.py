@@ -53,6 +53,11 @@ class Entry:
         """Whether somebody holds it whose lease has not run out."""
         return self.job.lease_until is not None and self.job.lease_until > now
 
+    def told(self, kept: Kept) -> bool:
+        """Whether it knows all of these."""
+        snapshots = {snapshot.iteration for snapshot in self.job.snapshots}
+        return kept.snapshots <= snapshots and kept.rows <= self.rows.keys()
+
     def keep(self, kept: Kept) -> None:
         """Forget the snapshots and rows that are not among these."""
         snapshots = tuple(s for s in self.job.snapshots if s.iteration in kept.snapshots)

@@ -102,6 +102,22 @@ def test_a_commit_keeps_what_it_names_of_all_that_former_attempts_left(jobs: Job
     assert len(jobs.get(job_id).snapshots) == 2, "a repetition changes nothing"
 
 
+@pytest.mark.parametrize(("snapshots", "rows"), [({0, 3}, {0}), ({0}, {0, 3})])
+def test_a_commit_that_names_what_was_never_told_is_refused(
+    jobs: JobStore, snapshots: set[int], rows: set[int]
+) -> None:
+    """As where an older copy of the record was put back under an attempt: it tells all once more."""
+    job_id, token = running(jobs)
+    jobs.report(job_id, token, Progress(0, 3), [{"iteration": 0}])
+    jobs.add_snapshot(job_id, token, snapshot(0))
+    kept = Kept(frozenset(snapshots), frozenset(rows))
+    assert not jobs.commit(job_id, token, DONE, kept)
+    assert jobs.get(job_id).status is JobStatus.RUNNING
+    jobs.report(job_id, token, Progress(3, 3), [{"iteration": 3}])
+    jobs.add_snapshot(job_id, token, snapshot(3))
+    assert jobs.commit(job_id, token, DONE, kept)
+
+
 def test_what_the_present_attempt_does_not_go_on_from_is_disowned(jobs: JobStore) -> None:
     job_id, former = running(jobs)
     jobs.report(job_id, former, Progress(6, 9), [{"iteration": i, "sphericity": 0.5} for i in (0, 3, 6)])

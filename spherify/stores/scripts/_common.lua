@@ -66,6 +66,16 @@ local function hand_on(most, more)
   return 'accepted'
 end
 
+-- Whether all that is named was told, and not by a record that an older copy replaced. As `keep`.
+local function told(named)
+  for i, iterations in ipairs(cjson.decode(named)) do
+    for _, iteration in ipairs(iterations) do
+      if redis.call('HEXISTS', KEYS[5 + i], iteration) == 0 then return false end
+    end
+  end
+  return true
+end
+
 -- Of what attempts told, only what is named stays. KEYS: 6 snapshots, 7 rows. Takes the iterations of both, two JSON lists.
 local function keep(named)
   for i, iterations in ipairs(cjson.decode(named)) do
