@@ -35,8 +35,8 @@ def cancel(jobs: JobStore, blobs: BlobStore, job_id: str) -> CancelOutcome:
     result = read_result(blobs, job_id)
     if result is None:
         _keep(blobs, job_id)
-        # Once more: if the record was lost meanwhile, whoever made it anew may not have seen that file.
-        outcome = jobs.request_cancel(job_id)
+    # Once more: if the record was lost meanwhile, whoever made it anew may not have seen that file.
+    outcome = jobs.request_cancel(job_id)
     if outcome is CancelOutcome.CANCELLING:
         finish(jobs, blobs, job_id)
         outcome = jobs.request_cancel(job_id)  # tells how it ended, here or with a worker that was told

@@ -17,7 +17,7 @@ from spherify.jobs.model import JobStatus, Outcome
 from spherify.jobs.ports import BlobStat, CancelOutcome, ClaimOutcome, Renewal
 from spherify.jobs.rebuild import rebuild
 from spherify.jobs.restore import restore_job
-from spherify.jobs.results import read_result
+from spherify.jobs.results import Result, publish_result, read_result, write_result
 from spherify.jobs.stock import Stock
 from spherify.stores.blobs import FolderBlobStore
 from tests.jobs.test_rebuild import ended
@@ -135,6 +135,24 @@ def test_a_cancel_that_came_too_late_leaves_nothing_that_cancels_the_job_later(
     lose()  # and the attempt died
     assert rebuild(stock)
     assert stock.jobs.get(spec.id).status is JobStatus.ACCEPTED
+
+
+def test_a_job_that_came_back_and_ended_while_whoever_cancels_it_slept_is_not_said_to_be_cancelled(
+    stock: Stock, lose: Callable[[], object], tmp_path: Path
+) -> None:
+    class Sleepy(FolderBlobStore):
+        def read(self, key: str) -> bytes:
+            if self.stat(key) is None:
+                lose()
+                assert rebuild(stock)
+                token = stock.jobs.claim(spec.id, "w").token
+                result = write_result(stock.blobs, Result(spec.id, token, Outcome(JobStatus.SUCCESSFUL)))
+                assert publish_result(stock.jobs, token, result)
+            return super().read(key)
+
+    spec = submitted(stock)
+    assert cancel(stock.jobs, Sleepy(tmp_path / "blobs"), spec.id) is CancelOutcome.FINISHED
+    assert stock.jobs.get(spec.id).status is JobStatus.SUCCESSFUL
 
 
 @pytest.mark.parametrize("told", [False, True], ids=["written", "told"])
