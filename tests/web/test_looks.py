@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import io
 import json
+import re
 from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, expect
+from playwright.sync_api import Browser, Page, expect
 from pypdf import PdfReader
 
 from tests.architecture.source import ROOT
@@ -114,6 +115,31 @@ def test_a_phone_shows_picture_or_figures(browser: Browser, stack: Stack, run: s
     expect(page.get_by_role("heading", name="Downloads")).to_be_hidden()
     page.get_by_role("button", name="Figures and downloads").tap()
     expect(page.get_by_role("heading", name="Downloads")).to_be_visible()
+    for link in page.locator(".files a, .top nav a").all():
+        box = link.bounding_box()
+        assert box is not None
+        assert min(box["width"], box["height"]) >= 24, f"too small for a finger: {link.inner_text()}"
     page.get_by_role("button", name="Runs").tap()
     expect(page.locator(".run").first).to_be_visible()
     context.close()
+
+
+def test_long_numbers_are_not_broken_and_have_room(page: Page, stack: Stack, api: Api, animal: bytes) -> None:
+    fields = {"preset": "paper", "step": "1e-8", "iterations": "12000", "snapshots": "1", "name": "slow"}
+    job = api.http.post("/v1/jobs", files={"file": ("a.obj", animal)}, data=fields).json()
+    assert api.finished(job["id"])["progress"]["iteration"] == 12000
+    page.goto(f"{stack.url}/?job={job['id']}")
+    settled(page)
+    last = page.locator(".ticks span").last
+    expect(last).to_have_text(re.compile(r"^12\s000$"))
+    first = page.locator(".ticks span").first
+    assert last.evaluate("(one) => one.offsetHeight") == first.evaluate("(one) => one.offsetHeight")
+    card = page.get_by_role("region", name="Chart").bounding_box()
+    assert card is not None
+    labels = page.locator(".chart .up span").all()
+    assert max(len(one.inner_text()) for one in labels) > 7, (
+        "its curve is so flat that many digits are told apart"
+    )
+    for box in (one.bounding_box() for one in labels):
+        assert box is not None
+        assert box["x"] > card["x"] + 8

@@ -4,8 +4,8 @@ import { ago, bytes, capital, count, duration, figure, rate, share } from './for
 describe('numbers', () => {
   it('groups thousands from five digits on', () => {
     expect(count(1234)).toBe('1234');
-    expect(count(1234567)).toBe('1 234 567');
-    expect(count(-12345)).toBe('−12 345');
+    expect(count(1234567)).toBe('1\u202f234\u202f567');
+    expect(count(-12345)).toBe('−12\u202f345');
   });
 
   it('keeps significant digits', () => {

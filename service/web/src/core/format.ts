@@ -1,6 +1,6 @@
 /** Numbers as people read them. */
 
-const THIN = ' ';
+const THIN = '\u202f'; // where no line ends
 const UNITS = ['B', 'kB', 'MB', 'GB', 'TB'] as const;
 
 /** A whole number with its thousands apart: 12 345. */

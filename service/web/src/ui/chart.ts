@@ -5,7 +5,7 @@ import { count, figure } from '../core/format';
 import { figuresAt } from '../core/job';
 import { MEANING } from '../core/meaning';
 import { ticks, type Scale } from '../core/scale';
-import { at } from './place';
+import { at, room } from './place';
 
 interface Series {
   readonly title: string;
@@ -118,7 +118,8 @@ export class Chart {
       ...axis.ticks.map((tick) => `M0 ${down(axis, tick)}H${SIDE}`),
       ...below.map((tick) => `M${across(scale.place(tick))} 0V${SIDE}`),
     ];
-    return html`<div class="plot">
+    const labels = axis.ticks.map((tick) => [axis.place(tick), axis.write(tick)] as const);
+    return html`<div class="plot" ${room(Math.max(...labels.map(([, label]) => label.length)))}>
       <div
         class="area"
         @click=${this.press}
@@ -138,9 +139,7 @@ export class Chart {
         <div class="here"></div>
         ${this.reading}
       </div>
-      <div class="up">
-        ${axis.ticks.map((tick) => html`<span ${at(1 - axis.place(tick))}>${axis.write(tick)}</span>`)}
-      </div>
+      <div class="up">${labels.map(([place, label]) => html`<span ${at(1 - place)}>${label}</span>`)}</div>
       <div class="along">
         ${below.map((tick) => html`<span ${at(scale.place(tick))}>${count(tick)}</span>`)}
       </div>

@@ -23,5 +23,8 @@ const property: (name: string, value: string) => DirectiveResult = directive(Pro
 /** Put an element at a share of its parent's width: the style sheet reads --place. */
 export const at = (place: number): DirectiveResult => property('--place', String(place));
 
+/** Have room for so many characters: the style sheet reads --characters. */
+export const room = (characters: number): DirectiveResult => property('--characters', String(characters));
+
 /** Give an element a background. */
 export const background = (image: string): DirectiveResult => property('background-image', image);
