@@ -27,20 +27,22 @@ config: Any = _config  # its attributes are made when it is imported
 F = TypeVar("F", bound=Callable[..., Any])
 
 
-def _use_wide_vectors() -> None:
-    """Let LLVM use 512-bit registers where there are some.
+def _suit_the_processor() -> None:
+    """Let LLVM use 512-bit registers where there are some, and, on AMD's, load one by one what it would gather.
 
     It keeps to 256 bits on processors whose first models slowed down for wider ones; here, where nearly all is vector
-    code, 512 are a third quicker. Whoever names a processor or features (``NUMBA_CPU_NAME``, ``NUMBA_CPU_FEATURES``)
-    is left alone. The same bits either way.
+    code, 512 are a third quicker. AMD's (Zen 4) take apart a gather of eight numbers into more than eight loads:
+    without them a step takes an eighth to a sixth less. Whoever names a processor or features (``NUMBA_CPU_NAME``,
+    ``NUMBA_CPU_FEATURES``) is left alone. The same bits any way.
     """
-    features = llvm.get_host_cpu_features()
+    name, features = llvm.get_host_cpu_name(), llvm.get_host_cpu_features()
     if config.CPU_NAME is None and config.CPU_FEATURES is None and features.get("avx512f"):
-        config.CPU_NAME = llvm.get_host_cpu_name()
-        config.CPU_FEATURES = f"{features.flatten()},-prefer-256-bit"
+        chosen = f"{features.flatten()},-prefer-256-bit"
+        config.CPU_NAME = name
+        config.CPU_FEATURES = f"{chosen},+prefer-no-gather" if name.startswith("znver") else chosen
 
 
-_use_wide_vectors()
+_suit_the_processor()
 
 
 class _Apart(Compiler):
