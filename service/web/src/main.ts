@@ -4,7 +4,6 @@ import './styles/base.css';
 import './styles/layout.css';
 import './styles/parts.css';
 import './styles/lists.css';
-import './styles/batch.css';
 import './styles/rail.css';
 import './styles/stage.css';
 import './styles/print.css';

@@ -9,6 +9,7 @@ import { broken } from '../ui/broken';
 import { BatchForm, MOST_RUNS } from './batchform';
 import type { Context, View } from './context';
 import { tagsOf, upOf, upOfFile } from './up';
+import '../styles/batch.css';
 
 export const MOST_FILES = 50;
 const AT_ONCE = 2;

@@ -1,10 +1,9 @@
+import { asProblem } from '../api/problem';
 import { poseOf } from '../core/camera';
 import { Emitter } from '../core/emitter';
 import type { CameraView, Up } from '../core/route';
-import { asProblem } from '../api/problem';
 import { Shelf } from '../core/shelf';
 import { storage } from '../core/storage';
-import { willPass } from '../mesh/frames';
 import type { MeshWorker } from '../mesh/pool';
 import { idle, painted } from '../ui/painted';
 import { warm } from '../viewer/easels';
@@ -78,10 +77,11 @@ export class Thumbnails extends Emitter {
       await this.draw(key, job, which, up);
     } catch (thrown) {
       // its job may have been deleted meanwhile, and its place stays empty; or the service is away for a moment
-      if (willPass(thrown))
+      const problem = asProblem(thrown);
+      if (problem.passing)
         setTimeout(() => {
           this.forget(key);
-        }, asProblem(thrown).waitMs(AGAIN_MS));
+        }, problem.waitMs(AGAIN_MS));
     }
   }
 
