@@ -7,8 +7,9 @@ import re
 from playwright.sync_api import Page, Route, expect
 
 from tests.e2e.api import Api
+from tests.e2e.test_readme import BOX_WITHOUT_A_LID
 from tests.stack import Stack, wait_for
-from tests.web.browser import Complaints, address, iteration, settled
+from tests.web.browser import Complaints, address, iteration, settled, status
 
 FOCUSED = "document.activeElement.getAttribute('aria-label') ?? document.activeElement.textContent.trim()"
 
@@ -138,3 +139,41 @@ def test_the_run_that_is_chosen_to_compare_with_stays_chosen_when_another_is_new
     page.get_by_label("Which runs").select_option(label="Done")  # which fetches the list
     expect(others.locator("option").first).to_have_attribute("value", newer)
     expect(others).to_have_value(chosen)
+
+
+def test_the_focus_is_handed_on_when_what_has_it_goes(
+    page: Page, complaints: Complaints, stack: Stack, api: Api, stone: bytes
+) -> None:
+    complaints.expect("status of 422")
+
+    def press(name: str) -> None:
+        page.get_by_role("button", name=name, exact=True).focus()
+        page.keyboard.press("Enter")
+
+    # a run is cancelled, and can be gone on with
+    fields = {"preset": "paper", "step": "1e-6", "iterations": "900000", "name": "endless"}
+    job = api.http.post("/v1/jobs", files={"file": ("stone.obj", stone)}, data=fields).json()
+    page.goto(f"{stack.url}/?job={job['id']}")
+    press("Cancel")
+    expect(status(page)).to_have_text("Cancelled")
+    expect(page.get_by_role("button", name="Go on")).to_be_visible()
+    expect(page.locator(".actions :focus")).to_have_count(1)
+
+    # a mesh is let in
+    page.goto(stack.url)
+    box = {"name": "box.obj", "mimeType": "model/obj", "buffer": BOX_WITHOUT_A_LID}
+    page.locator("input[type=file]").set_input_files(box)
+    press("Morph it with its holes")
+    expect(page.get_by_role("button", name="Run")).to_be_visible()
+    expect(page.get_by_role("heading", level=1)).to_be_focused()
+
+    # a parameter is put back, and a row taken away
+    page.get_by_text("All parameters").click()
+    step = page.get_by_label("Step", exact=True)
+    step.fill("0.123")
+    step.blur()
+    press("Step: back to the preset's value")
+    expect(step).to_be_focused()
+    press("Add a stage")
+    press("Remove row 2")
+    expect(page.get_by_label("Outward steps an iteration, row 1")).to_be_focused()

@@ -6,6 +6,7 @@ import { withNextFrame } from './core/frame';
 import { formatRoute, leftOut, parseRoute, type Route } from './core/route';
 import { MeshWorker } from './mesh/pool';
 import { takeDrops } from './ui/dropzone';
+import { Focus } from './ui/focus';
 import { icon } from './ui/icons';
 import { nextTheme, theme } from './ui/theme';
 import { Toasts } from './ui/toast';
@@ -24,6 +25,7 @@ export class App {
   private readonly context: Context;
   private readonly toasts: Toasts;
   private readonly rail: Rail;
+  private readonly focus: Focus;
   private route: Route = { view: 'home' };
   private view: View;
   private visits = 0;
@@ -70,6 +72,7 @@ export class App {
         this.refresh();
       });
     this.rail = new Rail(this.context);
+    this.focus = new Focus(root);
     this.route = parseRoute(location.search);
     this.leftOut = leftOut(location.search);
     this.view = new LoadingView();
@@ -176,10 +179,16 @@ export class App {
     document.title = title === '' || title === 'Spherify' ? 'Spherify' : `${title} · Spherify`;
     if (this.silent) this.announced = '';
     else if (this.announced !== null) this.announced = title || this.announced; // as soon as it is known
-    this.rail.keepingFocus(() => {
-      render(this.page(), this.root);
-    });
-    if (this.arriving !== 'no') this.takeFocus();
+    const draw = (): void => {
+      this.rail.keepingFocus(() => {
+        render(this.page(), this.root);
+      });
+    };
+    if (this.arriving === 'no') this.focus.keeping(draw);
+    else {
+      draw();
+      this.takeFocus();
+    }
     if (this.silent) this.refresh();
     this.silent = false;
   });
