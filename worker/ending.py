@@ -21,6 +21,7 @@ from spherify.jobs.settle import settle
 from worker.outbox import Outbox
 
 COMMIT_S: Final = 15.0  # how long the end of a job is offered to a server that does not answer
+STOP_S: Final = 1.5  # the same by a worker that is to end: the lease runs out by itself
 _TICK_S: Final = 0.25
 T = TypeVar("T")
 log = logging.getLogger(__name__)
@@ -34,7 +35,17 @@ class Ending:
 
     """
 
-    def __init__(self, jobs: JobStore, blobs: BlobStore, queue: JobQueue, job_id: str, token: int) -> None:
+    def __init__(
+        self,
+        jobs: JobStore,
+        blobs: BlobStore,
+        queue: JobQueue,
+        job_id: str,
+        token: int,
+        *,
+        stopping: Callable[[], bool] = lambda: False,
+    ) -> None:
+        self._stopping = stopping
         self._jobs = jobs
         self._blobs = blobs
         self._queue = queue
@@ -158,7 +169,7 @@ class Ending:
             return write()
 
         try:
-            return insist(flush_and_write)
+            return insist(flush_and_write, self._stopping)
         except StoreUnavailableError as e:
             self.say(logging.ERROR, "give-up", f"the job store does not answer: {e}")
             return None
@@ -168,14 +179,19 @@ class Ending:
         say(level, self._job_id, action, sentence)
 
 
-def insist(call: Callable[[], T]) -> T:
-    """Call for a while until the server answers; raises its last `StoreUnavailableError`."""
-    till = time.monotonic() + COMMIT_S
+def insist(call: Callable[[], T], stopping: Callable[[], bool] = lambda: False) -> T:
+    """Call for a while until the server answers, a short one if this worker is to end.
+
+    Raises:
+        StoreUnavailableError: the last one.
+
+    """
+    began = time.monotonic()
     while True:
         try:
             return call()
         except StoreUnavailableError:
-            if time.monotonic() > till:
+            if time.monotonic() - began > (STOP_S if stopping() else COMMIT_S):
                 raise
             time.sleep(_TICK_S)
 

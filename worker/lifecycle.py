@@ -7,7 +7,8 @@
 Each ends with the one above it, even when that is killed.
 
 SIGTERM is Celery's warm shutdown: no new messages, and an end as soon as the tasks return. They return within the
-grace time, because a supervisor that sees the flag hands its job on.
+grace time, because a supervisor that sees the flag hands its job on. Where something does not answer, and the main
+process has not ended a moment after that, it leaves as it is: what it held is found again by its lease.
 
 The main process never touches files: it forks, and the client of an object store does not survive that.
 """
@@ -20,8 +21,9 @@ import os
 import signal
 import socket
 import tempfile
+import threading
 from multiprocessing import process
-from typing import Any
+from typing import Any, Final, NoReturn
 
 from celery import signals
 from celery.worker import state
@@ -38,6 +40,8 @@ from worker.watchdog import Vitals, Watchdog
 
 log = logging.getLogger(__name__)
 
+LEAVE_S: Final = 4.0  # after the grace time, or the usual one: then a worker that is to end does so
+_USUAL_GRACE_S: Final = 5.0
 _TIMEOUT_S = 2.0  # of the server's answers; a worker can wait longer than a request
 # A byte shared with the pool's children by fork: without a lock that a killed child could leave taken, and without the
 # folder for temporary files that `multiprocessing` makes for its shared values, and a killed worker leaves behind.
@@ -132,8 +136,16 @@ def _begin(sender: Any, **_: Any) -> None:  # noqa: ANN401 (Celery's consumer)
 
 def _shut_down(**_: Any) -> None:  # noqa: ANN401 (as above)
     _stop[0] = 1
+    leave = threading.Timer(max(_Process.settings.cancel_grace_s, _USUAL_GRACE_S) + LEAVE_S, _leave)
+    leave.daemon = True
+    leave.start()
     if _Process.watchdog is not None:
         _Process.watchdog.stop()
+
+
+def _leave() -> NoReturn:
+    log.warning("something does not answer: this worker leaves as it is", extra={"action": "leave"})
+    os._exit(0)  # as it was told; its children end with it
 
 
 def _begin_child(**_: Any) -> None:  # noqa: ANN401 (as above)

@@ -97,6 +97,10 @@ class Supervisor:
         if self._failed_starts >= FAILED_STARTS:
             self._give_up()
 
+    def ending(self, job_id: str, token: int) -> Ending:
+        """Return the ways out of a job that was claimed."""
+        return Ending(self.jobs, self.blobs, self.queue, job_id, token, stopping=self.stopping)
+
     def run(self, job_id: str, worker: str, keep_delivery: Callable[[], None] = lambda: None) -> None:
         """Do one delivery; returns when the job has ended, was handed on, or is not ours.
 
@@ -110,9 +114,9 @@ class Supervisor:
 
         """
         claimant = uuid.uuid4().hex  # an answer that is lost on the way is given again
-        claim = insist(lambda: self.jobs.claim(job_id, worker, claimant))
+        claim = insist(lambda: self.jobs.claim(job_id, worker, claimant), self.stopping)
         if claim.outcome is ClaimOutcome.ENDING:
-            Ending(self.jobs, self.blobs, self.queue, job_id, claim.token).conclude()
+            self.ending(job_id, claim.token).conclude()
             return
         if claim.outcome is not ClaimOutcome.CLAIMED:
             say(logging.INFO, job_id, "drop", f"dropped: {claim.outcome}")
@@ -148,10 +152,11 @@ class _Attempt:
         self._claim = claim
         self._limit_s = max(boss.settings.wall_limit_s - claim.spent_s, _LEAST_S)
         self._keep_delivery = keep_delivery
-        self._ending = Ending(boss.jobs, boss.blobs, boss.queue, job_id, claim.token)
+        self._ending = boss.ending(job_id, claim.token)
         now = time.monotonic()
         self._began = self._renewed_at = now
         self._look_at = now
+        self._answered = True
         self._beat_at = now
         self._told: Verdict | None = None
         self._told_at = now
@@ -166,7 +171,7 @@ class _Attempt:
             self._ending.adopt(earlier)
             return
         if self._boss.blobs.stat(layout.cancel(self._job_id)) is not None:  # the record may be an older copy
-            insist(lambda: self._jobs.request_cancel(self._job_id))
+            insist(lambda: self._jobs.request_cancel(self._job_id), self._boss.stopping)
         self._keep_account()
         try:
             runner = self._boss.runners.take()
@@ -237,7 +242,9 @@ class _Attempt:
             for event in runner.events(_TICK_S):
                 self._hear(event)
             now = time.monotonic()
-            fenced = now >= self._look_at and not self._look(now)
+            # A worker that is to end waits for no server that does not answer: the lease is long enough.
+            due = now >= self._look_at and (self._answered or self._told is not Verdict.STOPPED)
+            fenced = due and not self._look(now)
             if fenced or now - self._renewed_at > FENCE_SHARE * self._settings.lease_s:
                 runner.kill()
                 return Verdict.FENCED
@@ -265,7 +272,9 @@ class _Attempt:
         """Renew the lease, see what is asked, tell what is new; False when the job is not ours any more."""
         self._look_at = now + min(LOOK_S, self._settings.heartbeat_s)
         try:
+            self._answered = False
             renewal = self._jobs.renew(self._job_id, self._token)
+            self._answered = True
             if renewal is Renewal.FENCED or not self._ending.outbox.flush():
                 return False
             self._renewed_at = now
