@@ -71,7 +71,6 @@ class PipeSink:
         self.order = order
         self.found = Resumption()
         self._pipe = pipe
-        self._checkpoint = ""
 
     def snapshot(self, kept: Kept) -> None:
         """Write the file, then say so."""
@@ -86,12 +85,7 @@ class PipeSink:
         """Write the file, then remove the older ones but the last; those of a later attempt are not ours."""
         folder = layout.checkpoints(self.order.job_id)
         key = layout.numbered(folder, self.order.token, kept.iteration)
-        if (
-            key == self._checkpoint
-        ):  # a run that is handed on keeps its last state, also when it has just done so
-            return
         self.blobs.create(key, dump_arrays(kept.arrays))
-        self._checkpoint = key
         numbers = layout.numbers(key)
         stats = layout.numbered_only(self.blobs.list(folder))
         older = sorted((layout.numbers(stat.key), stat.key) for stat in stats)
@@ -127,12 +121,12 @@ def work(order: Order, pipe: BinaryIO, told: list[Stop]) -> None:
     """Do what the order says; whatever goes wrong in a way that would go wrong again becomes an event."""
     blobs = open_blobs(order.blobs, Path(order.data_dir), patience_s=_PATIENCE_S)
     sink = PipeSink(blobs, order, pipe)
-    till = monotonic() + order.deadline_s
+    since = monotonic()  # files that are read count, as for the supervisor
     try:
         _limit_memory(order.memory_bytes)
         spec = load_spec(blobs.read(layout.spec(order.job_id)))
         mesh = _mesh(blobs, spec.mesh_id)
-        end = _run(mesh, spec, sink, told, till)
+        end = _run(mesh, spec, sink, told, since)
     except MemoryError:
         _limit_memory(resource.RLIM_INFINITY)  # what remains to be done is small, and has to be said
         detail = f"the job needs more memory than the {order.memory_bytes / 2**20:.0f} MiB a runner may have"
@@ -180,7 +174,7 @@ def _mesh(blobs: BlobStore, mesh_id: str) -> TriangleMesh:
     return TriangleMesh.checked(arrays["vertices"], arrays["faces"])
 
 
-def _run(mesh: TriangleMesh, spec: JobSpec, sink: PipeSink, told: list[Stop], till: float) -> RunEnd:
+def _run(mesh: TriangleMesh, spec: JobSpec, sink: PipeSink, told: list[Stop], since: float) -> RunEnd:
     config = stored_parameters(spec.parameters).config()
     plan = SnapshotPlan(spec.snapshots_requested)
 
@@ -199,9 +193,8 @@ def _run(mesh: TriangleMesh, spec: JobSpec, sink: PipeSink, told: list[Stop], ti
                 engine=engine,
                 resume=found.arrays,
                 stop=lambda: told[-1] if told else None,
-                deadline_s=round(
-                    till - monotonic(), 1
-                ),  # files that were read counted, as the supervisor does
+                deadline_s=sink.order.deadline_s,
+                since=since,
                 checkpoint_s=sink.order.checkpoint_s,
             )
         except InvalidCheckpointError as e:  # at once: of another version of the program, most likely

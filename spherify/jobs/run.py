@@ -104,6 +104,7 @@ def run(
     resume: Mapping[str, NDArray[Any]] | None = None,
     stop: Callable[[], Stop | None] = lambda: None,
     deadline_s: float = float("inf"),
+    since: float | None = None,
     checkpoint_s: float = CHECKPOINT_S,
     clock: Callable[[], float] = time.monotonic,
 ) -> RunEnd:
@@ -117,7 +118,8 @@ def run(
         engine: who computes; by default the one of what is resumed, else the default one.
         resume: the arrays of a snapshot or checkpoint of the same run, see `Kept`.
         stop: see `Stop`.
-        deadline_s: seconds of computing, from this call on.
+        deadline_s: seconds of computing.
+        since: the moment they count from, by the clock; None is this call.
         checkpoint_s: seconds between states kept to go on from.
         clock: seconds, never going back.
 
@@ -126,7 +128,7 @@ def run(
 
     """
     return _Run(config, plan, sink, resume, clock=clock, checkpoint_s=checkpoint_s).to_the_end(
-        flow(mesh, config, engine=engine, resume=resume), stop, deadline_s
+        flow(mesh, config, engine=engine, resume=resume), stop, deadline_s, since
     )
 
 
@@ -159,9 +161,14 @@ class _Run:
         self._kept = {i for i in self._rows if i in self._planned}
 
     def to_the_end(
-        self, states: Iterator[FlowState], stop: Callable[[], Stop | None], deadline_s: float
+        self,
+        states: Iterator[FlowState],
+        stop: Callable[[], Stop | None],
+        deadline_s: float,
+        since: float | None,
     ) -> RunEnd:
         """Follow the states; see `run`."""
+        since = self._began if since is None else since
         for state in states:
             if state.best_iteration == state.iteration:
                 self._best, self._best_row = state, None
@@ -171,17 +178,16 @@ class _Run:
             if told is Stop.CANCEL:
                 return self._end(state, StopReason.CANCELLED, f"cancelled after iteration {state.iteration}")
             if told is Stop.HAND_ON:
-                self._keep(state)  # what is planned here is kept now: the next attempt begins after it
-                if state.iteration not in self._planned:
-                    self._sink.checkpoint(self._whole(state))
+                self._keep(state, to_leave=True)  # the next attempt begins after it
                 return self._left(state, None, None)
-            if self._clock() - self._began >= deadline_s:
+            if self._clock() - since >= deadline_s:
                 detail = f"{deadline_s:g} s of computing were over after iteration {state.iteration}"
                 return self._end(state, StopReason.DEADLINE, detail)
             self._keep(state)
         raise AssertionError("a flow ends with a reason")
 
-    def _keep(self, state: FlowState) -> None:
+    def _keep(self, state: FlowState, *, to_leave: bool = False) -> None:
+        """Keep what is due of a state, and in any case as much as is needed to go on, before the run is left."""
         if is_recorded(state.iteration, self._total, self._plan):
             self._record(state)
         now = self._clock()
@@ -189,7 +195,7 @@ class _Run:
         if planned:  # told before it is kept, so that no state is known that progress has not come to
             self._report(state)
             self._snapshot(self._whole(state))
-        elif now - self._kept_at >= self._checkpoint_s:
+        elif to_leave or now - self._kept_at >= self._checkpoint_s:
             self._sink.checkpoint(self._whole(state))
             self._kept_at = self._clock()
         if not planned and (now - self._reported_at >= REPORT_S or len(self._unreported) > _FLUSH_ROWS):

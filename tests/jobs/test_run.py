@@ -201,6 +201,15 @@ def test_a_deadline_fails_with_the_last_state() -> None:
     assert "1 s" in outcome.error.detail
 
 
+def test_a_deadline_that_was_over_before_the_run_began_says_how_long_it_was() -> None:
+    """As after a resumption that took its time."""
+    clock = ticking(0.01)
+    end, sink = recorded(stone(), config(iterations=1000), clock=clock, deadline_s=60.0, since=clock() - 99.0)
+    assert (end.stop_reason, end.iteration) == (StopReason.DEADLINE, 0)
+    assert list(sink.snapshots) == [0]
+    assert end.stop_detail == "60 s of computing were over after iteration 0"
+
+
 def test_a_collapse_fails_with_its_best_state_and_advice() -> None:
     end, sink = recorded(CUBE, config("paper", step=0.1, iterations=200))
     outcome = outcome_of(end)
