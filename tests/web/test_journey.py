@@ -221,6 +221,21 @@ def test_a_gallery_that_is_being_made_grows_before_our_eyes(
     assert api.http.delete(f"/v1/jobs/{job['id']}").status_code == 204
 
 
+def test_small_pictures_of_others_are_drawn_while_a_run_is_watched(
+    *, page: Page, stack: Stack, api: Api, run: str, stone: bytes
+) -> None:
+    fields = {"preset": "paper", "step": "1e-6", "iterations": "900000", "name": "endless"}
+    live = api.http.post("/v1/jobs", files={"file": ("a.obj", stone)}, data=fields).json()["id"]
+    page.goto(f"{stack.url}/?job={live}")
+    settled(page)
+    other = page.locator(".run", has_text=api.job(run)["name"]).first
+    expect(other.locator("img")).to_be_visible(timeout=30_000)
+    assert not api.job(live)["done"]
+    assert api.http.post(f"/v1/jobs/{live}/cancel").is_success
+    api.finished(live)
+    assert api.http.delete(f"/v1/jobs/{live}").status_code == 204
+
+
 def test_a_run_is_cancelled_fetched_and_deleted_from_the_list(
     *, page: Page, stack: Stack, api: Api, animal: bytes, stone: bytes
 ) -> None:

@@ -106,7 +106,7 @@ export class JobView implements View {
   private news(): void {
     const { state } = this.stage.run;
     if (state) this.chart.data(state.rows, this.stage.scale);
-    this.context.thumbnails.hold = (state !== null && !state.job.done) || this.stage.player.playing;
+    this.context.thumbnails.hold = this.stage.coming || this.stage.player.playing;
     this.chart.stand(this.stage.at);
     this.address();
     this.context.refresh();

@@ -95,6 +95,12 @@ export class Stage extends Emitter {
     };
   }
 
+  /** Whether there is a state to look at, and not a picture of any yet. */
+  get coming(): boolean {
+    const kept = this.run.state?.job.snapshots.available.length ?? 0;
+    return kept > 0 && !this.viewer.shown && this.viewer.state !== 'unsupported';
+  }
+
   get scale(): Scale {
     const state = this.run.state;
     const total = state?.job.progress.iterations_total ?? 1;
