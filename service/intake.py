@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import logging
 import time
 from collections.abc import Collection
 from contextlib import suppress
@@ -16,7 +17,14 @@ from spherify.formats import ReadLimits, read_mesh
 from spherify.formats.names import safe_name
 from spherify.jobs import layout
 from spherify.jobs.codec import dump_record, load_mesh_record
-from spherify.jobs.errors import BlobExistsError, MeshNotFoundError, StorageFullError, StoreUnavailableError
+from spherify.jobs.errors import (
+    BlobExistsError,
+    BlobNotFoundError,
+    DamagedBlobError,
+    MeshNotFoundError,
+    StorageFullError,
+    StoreUnavailableError,
+)
 from spherify.jobs.model import MeshRecord
 from spherify.stores.arrays import dump_arrays
 
@@ -28,7 +36,9 @@ if TYPE_CHECKING:
 LOCATIONS: Final = 10  # of each defect that a record keeps; the answer to a refused mesh has more
 READINGS: Final = 2  # at once: each may take gigabytes for seconds
 WAITING: Final = 64  # uploads that may wait for a reading; more are told to come back
+_TRIES: Final = 3  # at a record's file that others write, replace and delete
 _CROCKFORD: Final = str.maketrans("ABCDEFGHIJKLMNOPQRSTUVWXYZ234567", "0123456789ABCDEFGHJKMNPQRSTVWXYZ")
+log = logging.getLogger(__name__)
 
 
 def mesh_id(sha256: str, allow: Collection[str]) -> str:
@@ -101,14 +111,38 @@ class Intake:
                 ours.append(self._blobs.adopt(original, upload.path).key)
             with suppress(BlobExistsError):
                 ours.append(self._blobs.create(layout.mesh_arrays(record.id), arrays).key)
-            with suppress(BlobExistsError):
-                self._blobs.create(layout.mesh_record(record.id), dump_record(record).encode())
+            kept = self._written(record)
         except StorageFullError:  # nothing names these files yet, and they would keep the disk full
             for key in ours:
                 self._blobs.delete(key)
             raise
-        kept = load_mesh_record(self._blobs.read(layout.mesh_record(record.id)))
         new = self._meshes.add(kept)
         if not self._whole(kept):  # the same mesh was being deleted
             raise StoreUnavailableError("this mesh was deleted at the same moment: send it again")
         return kept, new
+
+    def _written(self, record: MeshRecord) -> MeshRecord:
+        """Write the record's file, unless there is an intact one, which then counts; a damaged one is replaced."""
+        key, text = layout.mesh_record(record.id), dump_record(record).encode()
+        for _ in range(_TRIES):
+            with suppress(BlobExistsError):
+                self._blobs.create(key, text)
+                return load_mesh_record(text)  # as all others read it
+            try:
+                kept = load_mesh_record(self._blobs.read(key))
+            except BlobNotFoundError:  # it was being deleted
+                continue
+            except (DamagedBlobError, ValueError, LookupError, TypeError) as e:
+                log.warning(
+                    "its record's file is damaged: %r", e, extra={"action": "upload", "mesh_id": record.id}
+                )
+            else:
+                if _content(kept) == _content(record) and self._whole(kept):
+                    return kept
+            self._blobs.delete(key)
+        raise StoreUnavailableError("this mesh was written or deleted at the same moment: send it again")
+
+
+def _content(record: MeshRecord) -> tuple[object, ...]:
+    """Return what the same bytes have in common, whoever sent them, and under which name."""
+    return record.id, record.sha256, record.size, record.allow

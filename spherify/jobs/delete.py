@@ -36,8 +36,15 @@ def delete_job(jobs: JobStore, blobs: BlobStore, job_id: str) -> None:
 
 
 def delete_mesh(meshes: MeshStore, blobs: BlobStore, mesh_id: str) -> None:
-    """Forget a mesh no job names and remove its files; raises as `MeshStore.delete` does."""
-    meshes.delete(mesh_id)
+    """Forget a mesh no job names and remove its files; raises as `MeshStore.delete` does.
+
+    Also one of which there are the files only: its record was lost, and may be of no use to make it anew.
+    """
+    try:
+        meshes.delete(mesh_id)
+    except MeshNotFoundError:
+        if blobs.stat(layout.mesh_record(mesh_id)) is None:
+            raise
     blobs.delete(layout.mesh_record(mesh_id))  # without it nothing brings the mesh back
     remove_folder(blobs, layout.mesh_folder(mesh_id))
     if blobs.stat(layout.mesh_arrays(mesh_id)) is None:  # else it was uploaded anew, with all its files

@@ -61,6 +61,8 @@ def restore_mesh(stock: Stock, mesh_id: str) -> bool | None:
         record = load_mesh_record(stock.blobs.read(layout.mesh_record(mesh_id)))
     except BlobNotFoundError:  # it was being deleted, or written
         return None
+    if record.id != mesh_id:
+        raise DamagedBlobError(f"{layout.mesh_record(mesh_id)} is that of {record.id}")
     return stock.meshes.add(record)
 
 

@@ -40,9 +40,9 @@ class MemoryMeshStore:
 
     def delete(self, mesh_id: str) -> None:
         """Forget a mesh; raises `MeshInUseError` while any job names it, `MeshNotFoundError`."""
-        self.get(mesh_id)
         if self._jobs.find(mesh_id=mesh_id, limit=1).items:
             raise MeshInUseError(f"a job names the mesh {mesh_id}: delete the job first")
+        self.get(mesh_id)
         del self._records[mesh_id]
 
     def unknown(self, mesh_ids: Sequence[str]) -> list[str]:

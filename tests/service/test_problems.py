@@ -12,6 +12,7 @@ import service.intake
 from service.problem_types import PROBLEMS
 from service.problems import MEDIA_TYPE
 from spherify.jobs import layout
+from spherify.jobs.codec import load_mesh_record
 from spherify.settings import Settings
 from spherify.stores import keys
 from spherify.stores.connect import Stores, open_stores
@@ -251,6 +252,42 @@ def test_a_damaged_mesh_is_made_whole_as_its_problem_says(world: World) -> None:
     assert world.client.delete(path).status_code == 204
     assert world.put(OCTAHEDRON + b"# to be damaged").headers["location"] == path
     assert world.client.get(f"{path}/content.ply").status_code == 200
+
+
+@pytest.mark.parametrize("damage", ["cut", "changed", "format", "nothing", "no object"])
+def test_a_mesh_whose_record_was_lost_and_is_damaged_is_made_whole_by_an_upload(
+    world: World, damage: str
+) -> None:
+    content = b"# " + damage.encode() + b"\n" + OCTAHEDRON
+    path = world.put(content).headers["location"]
+    mesh_id = path.rpartition("/")[2]
+    file = world.stores.blobs.root / layout.mesh_record(mesh_id)
+    whole = file.read_bytes()
+    damaged = {
+        "cut": whole[:-9],
+        "changed": whole.replace(b'"size":', b'"size":1'),
+        "format": whole.replace(b'"format":"obj"', b'"format":"obk"'),
+        "nothing": b"",
+        "no object": b"[]",
+    }
+    file.write_bytes(damaged[damage])
+    world.stores.meshes.delete(mesh_id)  # the record alone
+    problem(world.client.get(path), 404, "not-found")
+    assert world.put(content).headers["location"] == path
+    document = world.client.get(path).json()
+    assert document["size"] == len(content)
+    assert world.client.get(f"{path}/content").content == content
+    assert load_mesh_record(file.read_bytes()) == world.stores.meshes.get(mesh_id)
+
+
+def test_a_mesh_whose_record_was_lost_and_is_damaged_can_be_deleted(world: World) -> None:
+    path = world.put(OCTAHEDRON + b"# to be deleted").headers["location"]
+    mesh_id = path.rpartition("/")[2]
+    (world.stores.blobs.root / layout.mesh_record(mesh_id)).write_bytes(b"damaged")
+    world.stores.meshes.delete(mesh_id)  # the record alone
+    assert world.client.delete(path).status_code == 204
+    assert list(world.stores.blobs.list(layout.mesh_folder(mesh_id))) == []
+    problem(world.client.delete(path), 404, "not-found")
 
 
 def test_an_unknown_problem_is_not_found(client: httpx.Client) -> None:

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from typing import cast
+
 import pytest
 import redis
 
@@ -96,6 +98,23 @@ def test_a_mesh_goes_when_no_job_names_it(stores: Stores) -> None:
     jobs.delete(job.id)
     meshes.delete(record.id)
     assert meshes.find().items == ()
+
+
+def test_a_mesh_whose_record_was_lost_is_in_use_all_the_same(stores: Stores) -> None:
+    """Whoever deletes it would take the files of those who name it."""
+    meshes, jobs = stores
+    meshes.add(mesh_record())
+    job = jobs.add(job_spec(mesh_id=mesh_record().id))
+    if isinstance(meshes, RedisMeshStore):
+        meshes._client.delete(keys.mesh(mesh_record().id))
+    else:
+        cast("MemoryMeshStore", meshes)._records.clear()
+    with pytest.raises(MeshInUseError):
+        meshes.delete(mesh_record().id)
+    jobs.request_cancel(job.id)
+    jobs.delete(job.id)
+    with pytest.raises(MeshNotFoundError):
+        meshes.delete(mesh_record().id)
 
 
 @pytest.mark.parametrize("cursor", ["", "x", "1.0", "1.0~", "nan~mesh_1", "~mesh_1"])
