@@ -14,7 +14,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from typing import Final, TypeVar
+from typing import Final, ParamSpec, TypeVar
 
 from spherify.jobs import layout
 from spherify.jobs.delete import delete_job
@@ -26,6 +26,7 @@ from spherify.jobs.restore import UNREADABLE, named, restore_deletion, restore_j
 from spherify.jobs.settle import remove_folder, settle
 from spherify.jobs.stock import Stock
 
+P = ParamSpec("P")
 T = TypeVar("T")
 SLICE: Final = 200  # folders in one look
 TOMBSTONES: Final = 10  # for each folder: they cost no request for a file
@@ -78,9 +79,7 @@ class Inventory:
         self._jobs.extend(blobs.folders(layout.jobs()))
         for stat in list(blobs.list(layout.tombstones())):
             if stat.created_at < time.time() - layout.TOMBSTONE_S:
-                # First what a deletion that was broken off may have left: without the mark the job would come back.
-                remove_folder(blobs, layout.job_folder(stat.key.rpartition("/")[2]))
-                blobs.delete(stat.key)
+                self._tried(stat.key.rpartition("/")[2], self._let_go, stat)
             else:
                 self._deleted.append(stat)
         return True
@@ -93,15 +92,33 @@ class Inventory:
         by_id = {stat.key.rpartition("/")[2]: stat for stat in tombstones}
         for job_id, found in self._stock.jobs.get_all(dict.fromkeys(by_id)).items():
             if isinstance(found, JobNotFoundError):
-                self._deleted_before(job_id, by_id[job_id])
+                self._tried(job_id, self._deleted_before, job_id, by_id[job_id])
             elif isinstance(found, Job) and found.status.done:  # else it is computed without files, and fails
                 if job_id not in self._missing:  # it may be being deleted
                     self._seen.add(job_id)
                     continue
-                delete_job(self._stock.jobs, self._stock.blobs, job_id)
-                log.warning(
-                    "its record came back, and was deleted: deleted again", extra=named(job_id, "inventory")
-                )
+                self._tried(job_id, self._delete_once_more, job_id)
+
+    def _delete_once_more(self, job_id: str) -> None:
+        delete_job(self._stock.jobs, self._stock.blobs, job_id)
+        log.warning("its record came back, and was deleted: deleted again", extra=named(job_id, "inventory"))
+
+    def _let_go(self, tombstone: BlobStat) -> None:
+        """Forget an old deletion."""
+        # First what a deletion that was broken off may have left: without the mark the job would come back.
+        remove_folder(self._stock.blobs, layout.job_folder(tombstone.key.rpartition("/")[2]))
+        self._stock.blobs.delete(tombstone.key)
+
+    def _tried(self, name: str, do: Callable[P, object], *args: P.args, **options: P.kwargs) -> None:
+        """Do something; its trouble is logged, once by each process, and is not that of the others."""
+        try:
+            do(*args, **options)
+        except StoreUnavailableError:
+            raise
+        except UNREADABLE:
+            if name not in self._unreadable:
+                log.exception("its files cannot be read", extra=named(name, "inventory"))
+            self._unreadable.add(name)
 
     def _recorded_meshes(self) -> Iterator[Sequence[str]]:
         """Yield the meshes that have a record, a page at a time."""
@@ -164,16 +181,16 @@ class Inventory:
             if restored:
                 log.warning("its record was lost: restored from its files", extra=extra)
                 return True
-            if restored is None and (removed := self._remove_old(name, folder)) > 0:
-                log.warning("%d files that belong to nothing: removed", removed, extra=extra)
-                return False
+            if restored is None:
+                self._tried(name, self._remove_old, name, folder)
         self._seen.add(name)
         return False
 
-    def _remove_old(self, name: str, folder: str) -> int:
+    def _remove_old(self, name: str, folder: str) -> None:
         """Remove what nobody has written to for a day; what is written at this moment stays."""
         blobs = self._stock.blobs
         found = list(blobs.list(folder))
         begun = time_of(name) if is_job_id(name) else 0.0  # states that it has of another job are older
         newest = max([begun, *(stat.created_at for stat in found)])
-        return sum(blobs.delete(stat.key) for stat in found) if newest < time.time() - ORPHAN_S else 0
+        if newest < time.time() - ORPHAN_S and (removed := sum(blobs.delete(stat.key) for stat in found)):
+            log.warning("%d files that belong to nothing: removed", removed, extra=named(name, "inventory"))

@@ -86,6 +86,7 @@ class FolderBlobStore:
         try:
             return self._path(key).open("rb")
         except (FileNotFoundError, IsADirectoryError, NotADirectoryError) as e:
+            self.scratch()  # where the disk is not mounted, nothing is there and nothing is gone
             raise BlobNotFoundError(f"there is no blob {key}") from e
 
     def read(self, key: str) -> bytes:
@@ -121,6 +122,7 @@ class FolderBlobStore:
         try:
             path.unlink()
         except (FileNotFoundError, IsADirectoryError, NotADirectoryError):
+            self.scratch()  # as above
             return False
         for folder in path.parents:
             if folder == self.root:
@@ -136,7 +138,7 @@ class FolderBlobStore:
             with os.scandir(folder) as entries:
                 names = [entry.name for entry in entries if entry.is_dir()]
         except FileNotFoundError:
-            self.scratch()  # where the disk is not mounted, nothing is there and nothing is gone
+            self.scratch()  # as above
             return
         yield from sorted(names)
 
