@@ -31,7 +31,7 @@ from spherify.jobs.model import Job, JobStatus, Snapshot
 RETRY_MS: Final = 1000
 HEARTBEAT_S: Final = 15.0
 PROGRESS_S: Final = 0.5
-_ID: Final = re.compile(r"\d{1,15}\.(-1|\d{1,9})(\.done)?")
+_ID: Final = re.compile(r"\d{1,16}\.(-1|\d{1,9})(\.done)?")
 _DONE: Final = ".done"
 
 

@@ -6,7 +6,7 @@ from dataclasses import asdict
 
 from spherify.jobs import layout
 from spherify.jobs.accounts import write_account
-from spherify.jobs.model import JobStatus, Outcome, Progress, Snapshot
+from spherify.jobs.model import Job, JobStatus, Outcome, Progress, Snapshot
 from spherify.jobs.ports import Renewal
 from spherify.jobs.results import read_result
 from spherify.jobs.submit import submit
@@ -55,3 +55,21 @@ def test_what_an_older_copy_of_the_record_lacks_is_told_again_with_the_end(store
     assert job.status is JobStatus.SUCCESSFUL
     assert [snapshot.iteration for snapshot in job.snapshots] == [3]
     assert (tuple(result.snapshots), list(result.rows)) == (job.snapshots, stores.jobs.metrics(spec.id))
+
+
+def test_whoever_looks_on_is_told_of_changes_after_an_older_copy_of_the_record_was_put_back(
+    stores: Stores,
+) -> None:
+    """A revision that somebody has seen stands for nothing else, and none is passed over as an earlier one."""
+    spec = job_spec()
+    submit(stores.jobs, stores.blobs, stores.queue, spec)
+    token = stores.jobs.claim(spec.id, "w").token
+    older = stores.client.dump(keys.job(spec.id))
+    for iteration in range(3):
+        stores.jobs.report(spec.id, token, Progress(iteration, 3))
+    seen = stores.jobs.get(spec.id)
+    stores.client.restore(keys.job(spec.id), 0, older, replace=True)
+    stores.jobs.commit(spec.id, token, Outcome(JobStatus.SUCCESSFUL, "iterations"))
+    [found] = stores.jobs.get_all({spec.id: seen}).values()
+    assert isinstance(found, Job)
+    assert (found.status, found.rev > seen.rev) == (JobStatus.SUCCESSFUL, True)

@@ -2,14 +2,20 @@
 -- 5 jobs:status: (a prefix). ARGV[1] is the job's id. The letters of the arrows are those of spherify/jobs/model.py.
 local JOB, QUEUED, LEASES, UNSETTLED, BY_STATUS, ID = KEYS[1], KEYS[2], KEYS[3], KEYS[4], KEYS[5], ARGV[1]
 
-local function now() -- milliseconds, by the server's clock only
+local function microseconds() -- by the server's clock only
   local t = redis.call('TIME')
-  return tonumber(t[1]) * 1000 + math.floor(tonumber(t[2]) / 1000)
+  return tonumber(t[1]) * 1000000 + tonumber(t[2])
 end
+
+local function now() return math.floor(microseconds() / 1000) end -- milliseconds
 
 local function field(name) return redis.call('HGET', JOB, name) end
 
-local function touch() redis.call('HINCRBY', JOB, 'rev', 1) end
+-- A revision beyond all that anybody saw, also if an older copy of the record was put back since: so many scripts do not
+-- run in a microsecond.
+local function touch()
+  redis.call('HSET', JOB, 'rev', string.format('%.0f', math.max(tonumber(field('rev')) + 1, microseconds())))
+end
 
 local function let_go() -- of whoever held it
   redis.call('ZREM', LEASES, ID)

@@ -7,4 +7,5 @@ redis.call('HSET', JOB, 'spec', ARGV[2], 'status', 'accepted', 'rev', 0, 'token'
 redis.call('ZADD', QUEUED, at, ID)
 for i = 3, #ARGV do redis.call('ZADD', ARGV[i], 0, ID) end
 move('accepted')
+redis.call('HSET', JOB, 'rev', 1)
 return 'added'

@@ -8,7 +8,8 @@ for i, key in ipairs({JOB, KEYS[7], KEYS[8]}) do
   for name, value in pairs(cjson.decode(ARGV[i + 1])) do redis.call('HSET', key, name, value) end
 end
 local fresh = string.format('%.0f', math.max(now(), tonumber(ARGV[5]))) -- beyond whatever was given out before
-redis.call('HSET', JOB, 'rev', fresh, 'token', fresh)
+redis.call('HSET', JOB, 'rev', 0, 'token', fresh)
+touch()
 for i = 7, #ARGV do redis.call('ZADD', ARGV[i], 0, ID) end
 if field('status') == 'accepted' then
   redis.call('ZADD', QUEUED, field('queued_at'), ID)
