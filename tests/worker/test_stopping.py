@@ -9,10 +9,18 @@ from collections.abc import Iterator
 import pytest
 
 from spherify.jobs.model import JobStatus
-from tests.jobs.examples import job_spec, stone, store_mesh
+from tests.jobs.examples import ENDLESS, job_spec, stone, store_mesh
 from tests.processes import await_gone, below
-from tests.stack import QUICK, Stack, started_stack
-from tests.worker.observation import LONG, check_whole, finished, hashes, runner_of, submitted, under_way
+from tests.stack import QUICK, Stack, started_stack, wait_for
+from tests.worker.observation import (
+    LONG,
+    check_whole,
+    finished,
+    hashes,
+    runner_of,
+    submitted,
+    under_way,
+)
 
 
 @pytest.fixture(scope="module")
@@ -50,3 +58,24 @@ def test_a_worker_ends_in_time_though_the_server_does_not_answer(stack: Stack, d
     check_whole(stack, job)
     assert (job.status, job.attempt) == (JobStatus.SUCCESSFUL, 2)
     assert hashes(job) == clean
+
+
+def test_a_worker_that_ends_hands_on_as_soon_as_the_server_answers_again(stack: Stack) -> None:
+    """As where both are restarted at once."""
+    job_id = submitted(stack, job_spec(**ENDLESS, snapshots="2"))
+    under_way(stack, job_id, 2)
+    server = stack.server.pid
+    assert server is not None
+    log = stack.log("worker-0")
+    told = len(log.read_text())
+    os.kill(server, signal.SIGSTOP)
+    try:
+        worker = stack.workers.pop("0")
+        worker.send_signal(signal.SIGTERM)
+        wait_for(lambda: "does not answer" in log.read_text()[told:])
+    finally:
+        os.kill(server, signal.SIGCONT)
+    assert worker.wait(10) == 0
+    job = stack.stores.jobs.get(job_id)
+    assert (job.status, job.losses, job.attempt) == (JobStatus.ACCEPTED, 0, 1)
+    assert job_id in stack.stores.queue.pending()
