@@ -21,9 +21,8 @@ from spherify.jobs.settle import settle
 from worker.outbox import Outbox
 
 COMMIT_S: Final = 15.0  # how long the end of a job is offered to a server that does not answer
-STOP_S: Final = (
-    4.0  # the same by a worker that is to end: it may only have been restarted, else the lease runs out
-)
+# The same by a worker that is to end: the server may only be restarted with it, and else the lease runs out.
+STOP_S: Final = 4.0
 _TICK_S: Final = 0.25
 T = TypeVar("T")
 log = logging.getLogger(__name__)
