@@ -105,11 +105,14 @@ def test_both_engines_see_the_same(mesh):
 
 
 def test_what_t_winds_around_itself_becomes_a_true_sphere():
-    """About a point that it goes around once: the centroid is inside more often when T gets no further."""
+    """About a point that it goes around once: the centroid is inside more often when T gets no further.
+
+    Whether that is looked for because nothing gets rounder or because it is late depends on the last bits.
+    """
     controls, _, last = run(2.0, 16, 150)
     phases = [control.phase for control in controls]
-    folded = phases.index(Phase.FOLDED)
-    assert phases[folded + 1] == Phase.SPHERE
+    sphere = phases.index(Phase.SPHERE)
+    assert set(phases[:sphere]) <= {Phase.NORMALS, Phase.FOLDED}
     assert phases[-1] == Phase.STAR
     areas = measures.face_areas(last.vertices, wound(2.0, 16, 150).faces)
     assert last.sphericity >= 0.995

@@ -41,14 +41,17 @@ class Space:
 
 def buffers(n: int, n_held: int, n_runs: int, n_parts: int = 1) -> Buffers:
     """Allocate what the passes write, for n vertices in so many runs and parts, of which some are held."""
+    weighed = aligned(1, 4 * n)[0]
     return Buffers(
         position=padded(3, n),
         previous=np.empty((3, 0)),  # until there is momentum
-        moved=np.empty((3, n)),
-        normal=np.empty((3, n)),
-        curvature=np.empty(n),
-        area=np.empty(n),
-        altitude=np.empty(n),
+        rows=aligned(1, 4 * n)[0],
+        weighed=weighed,
+        moved=weighed[: 3 * n].reshape(3, n),
+        normal=padded(3, n),
+        curvature=padded(1, n)[0],
+        area=padded(1, n)[0],
+        altitude=padded(1, n)[0],
         held_position=np.empty((3, n_held)),
         bins=np.empty(n, dtype=np.uint16),
         chosen=np.empty((2, n)),
@@ -61,7 +64,7 @@ def buffers(n: int, n_held: int, n_runs: int, n_parts: int = 1) -> Buffers:
 
 def scratch() -> Scratch:
     """Allocate what one thread writes for one block."""
-    return Scratch(aligned(rings.ROWS, rings.STRIDE), aligned(rings.ANGLE_ROWS, rings.ANGLES))
+    return Scratch(aligned(rings.ROWS, rings.STRIDE), np.zeros(rings.BLOCK // LINE, dtype=np.uint64))
 
 
 def aligned(rows: int, columns: int) -> Floats:
@@ -72,5 +75,5 @@ def aligned(rows: int, columns: int) -> Floats:
 
 
 def padded(rows: int, columns: int) -> Floats:
-    """Allocate (rows, columns) with room behind for what is computed beyond the end, see `passes.rings`."""
+    """Allocate (rows, columns) with room behind, for vertices are read in groups: numbers that nobody uses."""
     return np.zeros(rows * columns + LINE)[: rows * columns].reshape(rows, columns)

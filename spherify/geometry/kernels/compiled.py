@@ -43,6 +43,7 @@ from spherify.geometry.kernels.passes.types import (
     RADII,
     RELAX,
     RING,
+    ROWS,
     SCALE,
     VARIATION,
     VERTICES,
@@ -60,8 +61,8 @@ from spherify.geometry.metrics import Figures
 from spherify.geometry.roundness import Shape
 from spherify.geometry.topology import Topology
 
-ALONE_CURVED: Final = VERTICES + COUNT + COLLECT + EXTREMES  # by a thread that has all parts
-BY_RINGS: Final = (VERTICES + INTEGRATE, CENTRE, RADII, VARIATION)
+ALONE_CURVED: Final = ROWS + VERTICES + COUNT + COLLECT + EXTREMES  # by a thread that has all parts
+BY_RINGS: Final = (INTEGRATE, CENTRE, RADII, VARIATION)
 ENTRIES: Final[Sequence[Callable[..., Any]]] = (
     walk,
     by_levels,
@@ -100,10 +101,11 @@ class CompiledKernel:
         )
         self._chooses = config.window[0] > 0 or config.window[1] < 100
         self._faces = Faces(self._mesh.corners, self._parts, self._team, closed=topology.closed)
+        self._has_rings = bool((self._mesh.runs[:, 2] == RING).all())
         # What T does next begins with the very rings of what is measured, if nothing is done in between.
         nothing_between = config.momentum == 0 and config.rescale == "none"
         plain = config.step_bound == 0 and config.relaxation == 0
-        self._by_rings = nothing_between and plain and bool((self._mesh.runs[:, 2] == RING).all())
+        self._goes_on = nothing_between and plain
         self._curved: list[Found] | None = None  # of the positions loaded, part by part, as long as they stay
         self._positions = Positions(self._use.position, self._numbering, self._parts, self._team)
         self._previous = Positions(self._use.previous, self._numbering, self._parts, self._team)
@@ -172,7 +174,7 @@ class CompiledKernel:
     def shape(self, V: Floats) -> Shape:
         """See `spherify.geometry.kernels.interface.Kernel.shape`."""
         self._load(V, to_move=False)
-        if self._by_rings:
+        if self._has_rings:
             self._curved = self._measured_by_rings()
             result = self._use.whole
         else:
@@ -189,7 +191,7 @@ class CompiledKernel:
         """See `spherify.geometry.kernels.interface.Kernel.figures`."""
         curved = self._load(V, to_move=False)
         if curved is None:
-            curved = self._curved = self._together(Task(0, *self._parts[0], 1, 0, 0.0, 0.0), VERTICES)
+            curved = self._curved = self._all_curved(Task(0, *self._parts[0], 1, 0, 0.0, 0.0), VERTICES)
         if any(part.end == NOT_FINITE for part in curved):
             return self._reference.figures(V, centre)
         return self._faces.figures(self._use.position, centre, curved)
@@ -234,9 +236,9 @@ class CompiledKernel:
                     return NOT_FINITE
                 task = task._replace(known=True, K_min=curved[0].K_min, K_max=curved[0].K_max)
             return int(self._work((0, task)).end)
-        for outward in [0] * stage.k_in + [1] * stage.k_out:
+        for i, outward in enumerate([0] * stage.k_in + [1] * stage.k_out):
             one = task._replace(k_in=1 - outward, k_out=outward)
-            found, curved = self._curvature(one, curved), None
+            found, curved = self._curvature(one, curved, rows=i > 0), None
             if found.end != MOVED:
                 return found.end
             self._together(one._replace(K_min=found.K_min, K_max=found.K_max, greatest=found.greatest), MOVE)
@@ -246,12 +248,19 @@ class CompiledKernel:
                 self._work((0, one._replace(passes=HOLD)))
         return MOVED
 
-    def _curvature(self, one: Task, parts: list[Found] | None = None) -> Found:
-        """Compute curvature and normals of the positions loaded, if not known; return the extremes of the window."""
+    def _curvature(self, one: Task, parts: list[Found] | None = None, *, rows: bool = False) -> Found:
+        """Compute curvature and normals of the positions loaded, if not known; return the extremes of the window.
+
+        Args:
+            one: has the step.
+            parts: what is known.
+            rows: whether the rows of the positions are written.
+
+        """
         if len(self._parts) == 1:
             return self._work((0, one._replace(passes=ALONE_CURVED)))
         if parts is None:
-            parts = self._together(one, VERTICES)
+            parts = self._together(one, VERTICES) if rows else self._all_curved(one, VERTICES)
         if any(part.end == NOT_FINITE for part in parts):
             return Found(NOT_FINITE, np.nan, np.nan, 0.0)
         lowest, highest = min(part.K_min for part in parts), max(part.K_max for part in parts)
@@ -260,6 +269,13 @@ class CompiledKernel:
             self._together(one, passes)
         found = self._work((0, one._replace(passes=EXTREMES)))
         return found._replace(greatest=max(part.greatest for part in parts))
+
+    def _all_curved(self, task: Task, passes: int) -> list[Found]:
+        """Do the pass over the vertices, of positions that were loaded."""
+        if len(self._parts) == 1:
+            return self._together(task, ROWS + passes)
+        self._together(task, ROWS)
+        return self._together(task, passes)
 
     def _together(self, task: Task, passes: int) -> list[Found]:
         """Do one pass of an elementary step, each thread its part."""
@@ -281,18 +297,20 @@ class CompiledKernel:
         found: Found = self._code(self._mesh, self._use, self._scratch[thread], self._mode, task)
         return found
 
-    def _measured_by_rings(self) -> list[Found]:
-        """Measure the positions loaded along with curvature and normals, which the next step begins with."""
-        task = Task(sum(BY_RINGS), *self._parts[0], 1, 0, 0.0, 0.0)
+    def _measured_by_rings(self) -> list[Found] | None:
+        """Measure the positions loaded, along with curvature and normals if the next step begins with them."""
+        along = VERTICES if self._goes_on else 0
+        task = Task(ROWS + along + sum(BY_RINGS), *self._parts[0], 1, 0, 0.0, 0.0)
         if len(self._parts) == 1:
-            return [self._work((0, task))]
-        curved = self._together(task, BY_RINGS[0])
-        for passes in BY_RINGS[1:]:
-            if passes in ALONE:
-                self._work((0, task._replace(passes=passes)))
-            else:
-                self._together(task, passes)
-        return curved
+            found = [self._work((0, task))]
+        else:
+            found = self._all_curved(task, along + BY_RINGS[0])
+            for passes in BY_RINGS[1:]:
+                if passes in ALONE:
+                    self._work((0, task._replace(passes=passes)))
+                else:
+                    self._together(task, passes)
+        return found if along else None
 
 
 class CompiledEngine:
@@ -316,10 +334,10 @@ class CompiledEngine:
         """Make or load the machine code, which else the first step does; see `passes.jit` for where it is kept."""
         faces = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
         corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 2.0]])
-        # With momentum, for it is measured by its faces then; what its rings take is part of a step.
         kernel = self.prepare(Topology.of(4, faces), FlowConfig(iterations=1, momentum=0.5))
         kernel.transform(corners, Stage(1, 1, 0), 0.1, 0.0)
         centre = kernel.shape(corners).centroid
+        self.prepare(Topology.of(4, faces[:3]), FlowConfig(iterations=1)).shape(corners)  # open: by its faces
         kernel.figures(corners, centre)
         kernel.transform_radially(corners, Stage(1, 1, 0), 0.1, centre)
         kernel.ahead_along_radii(corners, corners, centre, 0.5)

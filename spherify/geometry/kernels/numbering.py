@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from spherify.geometry.kernels.passes.fans import walk
 from spherify.geometry.kernels.passes.levels import by_levels
-from spherify.geometry.kernels.passes.straight import LANES
 from spherify.geometry.kernels.passes.types import NONE, RING, Connectivity
+from spherify.geometry.kernels.passes.wide import LANES
 from spherify.geometry.mesh import Ints
 from spherify.geometry.topology import Topology
 

@@ -20,7 +20,6 @@ from spherify.geometry.kernels.passes.jit import inner
 # for doubles; the guess is within 3.5 %.
 GUESS = np.int64(0x5FE6EB50C7B537A9)
 TAN_EIGHTH = math.sqrt(2) - 1  # tan(π/8)
-SLIGHT = 0.125  # sin² of a dihedral angle up to which `over_sine` holds: 20.7°
 HALF_PI = math.pi / 2
 QUARTER_PI = math.pi / 4
 
@@ -66,25 +65,6 @@ def inverse_root(x: float) -> float:
     y = fma(y, r * fma(r, fma(r, 0.3125, 0.375), 0.5), y)  # off by 35/128 r⁴ < 7e-6
     r = fma(-(x * y), y, 1.0)
     return fma(y, r * fma(r, 0.375, 0.5), y)
-
-
-@inner
-def over_sine(squared: float) -> float:
-    """Return asin(u)/u of u², where that is at most SLIGHT.
-
-    The polynomial is the one through 1 at 0 and ten Chebyshev nodes of the range, fitted with 60 digits; it is off by
-    5e-18 of its value, less than its rounding.
-    """
-    p = fma(0.014846840969898318, squared, 0.007859830195739737)
-    p = fma(p, squared, 0.011845940218996489)
-    p = fma(p, squared, 0.013937921557726208)
-    p = fma(p, squared, 0.01735427335340785)
-    p = fma(p, squared, 0.02237210792971346)
-    p = fma(p, squared, 0.03038194543659334)
-    p = fma(p, squared, 0.04464285713311666)
-    p = fma(p, squared, 0.075000000000037)
-    p = fma(p, squared, 0.16666666666666663)
-    return fma(p, squared, 1.0)
 
 
 @inner

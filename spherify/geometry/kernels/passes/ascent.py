@@ -16,8 +16,8 @@ from spherify.geometry.ascent import BARRIER, KEPT, LEAST_VOLUME, SHARE
 from spherify.geometry.kernels.passes.arithmetic import inverse_root
 from spherify.geometry.kernels.passes.directions import back_from, direct, minus, point
 from spherify.geometry.kernels.passes.jit import entry, inner
+from spherify.geometry.kernels.passes.rings import BLOCK as RING_BLOCK
 from spherify.geometry.kernels.passes.spans import BLOCK, SEGMENT, Span, Sums, begin_sums, end_sums
-from spherify.geometry.kernels.passes.straight import BLOCK as RING_BLOCK
 from spherify.geometry.kernels.passes.totals import total_of
 from spherify.geometry.kernels.passes.types import (
     RING,

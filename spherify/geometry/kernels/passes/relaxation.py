@@ -2,12 +2,23 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from spherify.geometry.kernels.passes.arithmetic import fma
 from spherify.geometry.kernels.passes.jit import inner
-from spherify.geometry.kernels.passes.straight import BLOCK
-from spherify.geometry.kernels.passes.types import Buffers, Connectivity, Floats, Index, Indices, Scratch
+from spherify.geometry.kernels.passes.movement import Places, load, store
+from spherify.geometry.kernels.passes.tracing import repeated, traced
+from spherify.geometry.kernels.passes.types import Buffers, Connectivity, Floats, Index
+from spherify.geometry.kernels.passes.wide import (
+    LANES,
+    Array,
+    Lane,
+    Place,
+    Row,
+    Wide,
+    across,
+    columns,
+    equal,
+    where,
+)
+from spherify.geometry.kernels.passes.wide_vectors import difference, dot
 
 
 @inner
@@ -21,92 +32,44 @@ def weigh(area: Floats, exponent: float, greatest: float, low: Index, high: Inde
             area[p] = (area[p] / greatest) ** exponent
 
 
-@inner
-def gather_two(
-    ring: Indices, w: Floats, x: Floats, y: Floats, z: Floats,
-    sx: Floats, sy: Floats, sz: Floats, total: Floats, begin: bool, one: Index, two: Index, count: Index,
+@traced
+def relax_group(
+    places: Places, ring: Array, weighed: Array, normals: tuple[Array, Array, Array], fraction: Wide,
+    low: Place, count: Place, degree: Place, at: Place, step: Place,
 ) -> None:  # fmt: skip
-    """Add w and w·(x, y, z) of two neighbours each, to sums or, with ``begin``, to zero."""
-    for k in range(np.uint32(0), count):
-        q = ring[np.uint32(one + k)]
-        r = ring[np.uint32(two + k)]
-        u, v = w[q], w[r]
-        total[k] = (0.0 if begin else total[k]) + (u + v)
-        sx[k] = fma(v, x[r], fma(u, x[q], 0.0 if begin else sx[k]))
-        sy[k] = fma(v, y[r], fma(u, y[q], 0.0 if begin else sy[k]))
-        sz[k] = fma(v, z[r], fma(u, z[q], 0.0 if begin else sz[k]))
+    """Move a group by ``fraction`` of u - (u·n_p) n_p, with the umbrella vector u = Σ w_q q / Σ w_q - p, or 0."""
+
+    def further(j: Place, sums: tuple[Row, ...]) -> tuple[Row, ...]:
+        rows = weighed.rows(ring, at + j * step)
+        return tuple(sum_ + row for sum_, row in zip(sums, rows, strict=True))
+
+    zero = equal(fraction, 0.0)
+    nothing: tuple[Row, ...] = tuple(across((zero, zero, zero, zero)))
+    sums: tuple[Row, ...] = repeated(degree, nothing, further)
+    sx, sy, sz, total = columns(sums)
+    p, some = load(places, low), ~(total.is_zero())
+    by = 1.0 / where(some, total, 1.0)
+    u = difference((sx * by, sy * by, sz * by), p)
+    u = (where(some, u[0], 0.0), where(some, u[1], 0.0), where(some, u[2], 0.0))
+    n = (normals[0].load(low), normals[1].load(low), normals[2].load(low))
+    along = dot(u, n)
+    x, y, z = (part + fraction * (one - along * normal) for part, one, normal in zip(p, u, n, strict=True))
+    store(places, (x, y, z), (x, y, z, x), low, count)
 
 
 @inner
-def gather_one(
-    ring: Indices, w: Floats, x: Floats, y: Floats, z: Floats,
-    sx: Floats, sy: Floats, sz: Floats, total: Floats, begin: bool, one: Index, count: Index,
-) -> None:  # fmt: skip
-    """Add w and w·(x, y, z) of one neighbour each."""
-    for k in range(np.uint32(0), count):
-        q = ring[np.uint32(one + k)]
-        u = w[q]
-        total[k] = (0.0 if begin else total[k]) + u
-        sx[k] = fma(u, x[q], 0.0 if begin else sx[k])
-        sy[k] = fma(u, y[q], 0.0 if begin else sy[k])
-        sz[k] = fma(u, z[q], 0.0 if begin else sz[k])
-
-
-@inner
-def draw(
-    mx: Floats, my: Floats, mz: Floats, px: Floats, py: Floats, pz: Floats,
-    sx: Floats, sy: Floats, sz: Floats, total: Floats, x: Floats, y: Floats, z: Floats,
-    fraction: float, low: Index, count: Index,
-) -> None:  # fmt: skip
-    """Move by ``fraction`` of u - (u·n_p) n_p, with the umbrella vector u = Σ w_q q / Σ w_q - p, or 0."""
-    for k in range(np.uint32(0), count):
-        p = np.uint32(low + k)
-        some = total[k] != 0
-        by = 1.0 / (total[k] if some else 1.0)
-        ux = sx[k] * by - mx[p] if some else 0.0
-        uy = sy[k] * by - my[p] if some else 0.0
-        uz = sz[k] * by - mz[p] if some else 0.0
-        along = ux * px[p] + uy * py[p] + uz * pz[p]
-        x[p] = mx[p] + fraction * (ux - along * px[p])
-        y[p] = my[p] + fraction * (uy - along * py[p])
-        z[p] = mz[p] + fraction * (uz - along * pz[p])
-
-
-@inner
-def relax(
-    mesh: Connectivity, use: Buffers, scratch: Scratch, fraction: float, first_run: int, last_run: int
-) -> None:
-    """Relax the vertices of some runs: read from ``use.moved``, write to ``use.position``."""
-    x, y, z = use.position[0], use.position[1], use.position[2]
-    mx, my, mz = use.moved[0], use.moved[1], use.moved[2]
-    px, py, pz = use.normal[0], use.normal[1], use.normal[2]
-    sx, sy, sz, total = scratch.rows[0], scratch.rows[1], scratch.rows[2], scratch.rows[3]
-    ring, w = mesh.ring, use.area
+def relax(mesh: Connectivity, use: Buffers, fraction: float, first_run: int, last_run: int) -> None:
+    """Relax the vertices of some runs, by their neighbours in ``use.weighed``."""
+    places = Places(use.position[0], use.position[1], use.position[2], use.rows)
+    normals = use.normal[0], use.normal[1], use.normal[2]
     for r in range(first_run, last_run):
-        low, last, degree, at = mesh.runs[r, 0], mesh.runs[r, 1], mesh.runs[r, 3], mesh.runs[r, 4]
-        step = np.uint32(last - low)
-        while low < last:
-            count = min(np.uint32(BLOCK), np.uint32(last - low))
-            odd = degree & np.uint32(1)
-            if odd:
-                gather_one(ring, w, mx, my, mz, sx, sy, sz, total, True, at, count)
-            for j in range(odd, degree, np.uint32(2)):
-                one = np.uint32(at + j * step)
-                gather_two(
-                    ring,
-                    w,
-                    mx,
-                    my,
-                    mz,
-                    sx,
-                    sy,
-                    sz,
-                    total,
-                    j == np.uint32(0),
-                    one,
-                    np.uint32(one + step),
-                    count,
-                )
-            draw(mx, my, mz, px, py, pz, sx, sy, sz, total, x, y, z, fraction, low, count)
-            low = np.uint32(low + count)
-            at = np.uint32(at + count)
+        low, last = Lane(mesh.runs[r, 0]), Lane(mesh.runs[r, 1])
+        degree, at = Lane(mesh.runs[r, 3]), Lane(mesh.runs[r, 4])
+        step = last - low
+        if degree == Lane(0):  # no face has these vertices, and nobody asks for their rows
+            continue
+        for k in range(Lane(0), step, Lane(LANES)):
+            count = min(Lane(LANES), step - k)
+            relax_group(
+                places, mesh.ring, use.weighed, normals, fraction, low + k, count, degree, at + k, step
+            )  # fmt: skip

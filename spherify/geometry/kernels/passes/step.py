@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from spherify.geometry.kernels.passes.jit import entry, inner
-from spherify.geometry.kernels.passes.movement import go_ahead, move, move_to, scale
+from spherify.geometry.kernels.passes.movement import Along, go_ahead, move, scale, write_rows
 from spherify.geometry.kernels.passes.relaxation import relax, weigh
 from spherify.geometry.kernels.passes.selection import collect_part, count_part, is_inner, percentiles
 from spherify.geometry.kernels.passes.totals import greatest_of
@@ -23,18 +23,18 @@ from spherify.geometry.kernels.passes.types import (
     NOT_FINITE,
     RADII,
     RELAX,
+    ROWS,
     SCALE,
     VARIATION,
     VERTICES,
     Buffers,
     Connectivity,
     Found,
-    Index,
     Mode,
     Scratch,
     Task,
 )
-from spherify.geometry.kernels.passes.vertices import vertex_pass
+from spherify.geometry.kernels.passes.vertices import measure_pass, vertex_pass
 from spherify.geometry.kernels.passes.whole import PER_VERTEX, centre, spread_run, variation
 from spherify.geometry.transformation import EQUAL_CURVATURE
 
@@ -69,28 +69,13 @@ def extremes(use: Buffers, mode: Mode, lowest: float, highest: float) -> tuple[f
 
 
 @inner
-def move_some(
-    use: Buffers, mode: Mode, K_min: float, K_max: float, step: float, outward: bool, in_place: bool,
-    low: Index, high: Index,
-) -> None:  # fmt: skip
-    """Move some vertices along their normals, or write to ``use.moved`` where they would go."""
-    x, y, z = use.position[0], use.position[1], use.position[2]
-    px, py, pz = use.normal[0], use.normal[1], use.normal[2]
-    K, altitude, bound = use.curvature, use.altitude, mode.step_bound
-    if in_place:
-        move(x, y, z, K, px, py, pz, altitude, K_min, K_max, step, outward, bound, low, high)
-    else:
-        mx, my, mz = use.moved[0], use.moved[1], use.moved[2]
-        move_to(x, y, z, K, px, py, pz, altitude, mx, my, mz, K_min, K_max, step, outward, bound, low, high)
-
-
-@inner
 def hold(mesh: Connectivity, use: Buffers, back: bool) -> None:
     """Note where the held vertices are, or put them back there."""
     for i in range(mesh.held.size):
         for k in range(3):
             if back:
                 use.position[k, mesh.held[i]] = use.held_position[k, i]
+                use.rows[np.uint64(4) * mesh.held[i] + np.uint64(k)] = use.held_position[k, i]
             else:
                 use.held_position[k, i] = use.position[k, mesh.held[i]]
 
@@ -109,6 +94,32 @@ def measure(mesh: Connectivity, use: Buffers, scratch: Scratch, task: Task) -> N
         variation(use.sums, PER_VERTEX, use.whole)
 
 
+@inner
+def see_vertices(
+    mesh: Connectivity, use: Buffers, scratch: Scratch, mode: Mode, task: Task, i: int
+) -> tuple[float, float, float, bool]:
+    """Do what is wanted of all vertices at the beginning of the i-th elementary step.
+
+    Returns:
+        the extremes of K, the greatest area at a vertex where weights ask for it, and whether all K are finite.
+
+    """
+    K_min, K_max, greatest, finite = task.K_min, task.K_max, task.greatest, True
+    if task.passes & ROWS and i == 0:
+        write_rows(use, task.first, task.last)
+    if task.passes & VERTICES:
+        weighed, measured = task.relaxation > 0, task.passes & INTEGRATE != 0
+        K_min, K_max, finite = vertex_pass(
+            mesh, use, scratch, mode, weighed, measured, task.first_run, task.last_run
+        )
+        exponent = mode.relaxation_exponent
+        if weighed and exponent != 0 and exponent != 1:  # noqa: PLR1714 - a set would be allocated
+            greatest = greatest_of(use.area[task.first : task.last])
+    elif task.passes & INTEGRATE:
+        measure_pass(mesh, use, scratch, task.first_run, task.last_run)
+    return K_min, K_max, greatest, finite
+
+
 @entry
 def work(mesh: Connectivity, use: Buffers, scratch: Scratch, mode: Mode, task: Task) -> Found:
     """Apply T to ``use.position``, or do one thread's part of one pass of an elementary step or of a measurement.
@@ -122,14 +133,8 @@ def work(mesh: Connectivity, use: Buffers, scratch: Scratch, mode: Mode, task: T
         scale(use.position, task.centre, task.factor, task.first, task.last)
     for i in range(task.k_in + task.k_out):
         K_min, K_max, greatest = task.K_min, task.K_max, task.greatest
-        if task.passes & VERTICES and (i > 0 or not task.known):
-            measured = task.passes & INTEGRATE != 0
-            K_min, K_max, finite = vertex_pass(
-                mesh, use, scratch, mode, task.relaxation > 0, measured, task.first_run, task.last_run
-            )
-            exponent = mode.relaxation_exponent
-            if task.relaxation > 0 and exponent != 0 and exponent != 1:  # noqa: PLR1714 - a set would be allocated
-                greatest = greatest_of(use.area[task.first : task.last])
+        if i > 0 or not task.known:
+            K_min, K_max, greatest, finite = see_vertices(mesh, use, scratch, mode, task, i)
             end = MOVED if finite else NOT_FINITE
         measure(mesh, use, scratch, task)
         if end == MOVED:
@@ -142,12 +147,14 @@ def work(mesh: Connectivity, use: Buffers, scratch: Scratch, mode: Mode, task: T
         if end != MOVED:
             break
         if task.passes & MOVE:
-            in_place, outward = task.relaxation <= 0, i >= task.k_in
-            move_some(use, mode, K_min, K_max, task.step, outward, in_place, task.first, task.last)
-            if task.relaxation > 0:
+            weighed = task.relaxation > 0
+            if weighed:
                 weigh(use.area, mode.relaxation_exponent, greatest, task.first, task.last)
+            outward, bounded = np.uint64(i >= task.k_in), np.uint64(mode.step_bound > 0)
+            along = Along(K_min, K_max - K_min, task.step, outward, mode.step_bound, bounded)
+            move(use, along, weighed, task.first, task.last)
         if task.passes & RELAX:
-            relax(mesh, use, scratch, task.relaxation, task.first_run, task.last_run)
+            relax(mesh, use, task.relaxation, task.first_run, task.last_run)
         if task.passes & HOLD:
             hold(mesh, use, True)
     return found

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 Floats: TypeAlias = NDArray[np.float64]
 Ints: TypeAlias = NDArray[np.int64]
 Indices: TypeAlias = NDArray[np.uint32]
+Flats: TypeAlias = NDArray[np.uint64]
 Index: TypeAlias = np.uint32
 
 MEASURES: Final = {"length": 0, "vtk": 1, "dual-area": 2}
@@ -27,8 +28,8 @@ EXTREMES: Final = 2  # by one thread
 MOVE: Final = 4
 RELAX: Final = 8
 HOLD: Final = 16  # by one thread
-# Those of a measurement of the surface along with the vertices, in this order.
-INTEGRATE: Final = 32  # together with VERTICES
+# Those of a measurement of the surface by its rings, in this order.
+INTEGRATE: Final = 32  # along with VERTICES, or by itself
 CENTRE: Final = 64  # by one thread
 RADII: Final = 128
 VARIATION: Final = 256  # by one thread
@@ -38,6 +39,8 @@ SCALE: Final = 1024
 # Those before EXTREMES where the window leaves something out, in this order.
 COUNT: Final = 2048
 COLLECT: Final = 4096
+# Before VERTICES, unless positions are as MOVE and what follows it have left them.
+ROWS: Final = 8192
 
 NONE: Final = 0xFFFFFFFF  # no such index
 RING: Final = 1  # the neighbours of a run are in order, all around; 0: they are in any
@@ -76,7 +79,9 @@ class Buffers(NamedTuple):
     Attributes:
         position: (3, n), in and out.
         previous: (3, n) positions of the iteration before; (3, 0) until there is momentum.
-        moved: (3, n) positions after the movement, before the relaxation.
+        rows: (4n,) x, y, z of each vertex and something, for whoever wants all three at once.
+        weighed: (4n,) w·(x, y, z, 1) of each vertex after the movement, with its weight w as a neighbour.
+        moved: (3, n) of what is done on the sphere; the memory is that of ``weighed``.
         normal: (3, n) vertex normals.
         curvature: (n,) K.
         area: (n,) sum of the areas of the faces at each vertex; then its weight as a neighbour.
@@ -93,6 +98,8 @@ class Buffers(NamedTuple):
 
     position: Floats
     previous: Floats
+    rows: Floats
+    weighed: Floats
     moved: Floats
     normal: Floats
     curvature: Floats
@@ -111,13 +118,13 @@ class Scratch(NamedTuple):
     """What one thread writes for one block.
 
     Attributes:
-        rows: (ROWS, STRIDE), see `spherify.geometry.kernels.passes.rings`.
-        angles: (ANGLE_ROWS, ANGLES), as above.
+        rows: (ROWS, STRIDE) of numbers that have their places in the block.
+        flats: (BLOCK / LANES,), see `spherify.geometry.kernels.passes.groups.Results`.
 
     """
 
     rows: Floats
-    angles: Floats
+    flats: Flats
 
 
 class Mode(NamedTuple):

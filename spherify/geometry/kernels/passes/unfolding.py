@@ -9,9 +9,8 @@ import numpy as np
 from spherify.geometry.kernels.passes.arithmetic import fma
 from spherify.geometry.kernels.passes.directions import back, back_from, direct, outcome, point, triangle
 from spherify.geometry.kernels.passes.jit import entry, inner
-from spherify.geometry.kernels.passes.relaxation import gather_one, gather_two
+from spherify.geometry.kernels.passes.rings import BLOCK
 from spherify.geometry.kernels.passes.spans import SEGMENT, Span, Sums
-from spherify.geometry.kernels.passes.straight import BLOCK
 from spherify.geometry.kernels.passes.types import Buffers, Connectivity, Floats, Index, Indices, Scratch
 from spherify.geometry.kernels.passes.vectors import Vector
 from spherify.geometry.unfolding import FRACTION, LEAST_AREA, LEAST_LOG_WEIGHT
@@ -27,6 +26,37 @@ DRAW = 64
 LOOK = 128
 BACK = 256
 ALL = 2 * BACK - 1
+
+
+@inner
+def gather_two(
+    ring: Indices, w: Floats, x: Floats, y: Floats, z: Floats,
+    sx: Floats, sy: Floats, sz: Floats, total: Floats, begin: bool, one: Index, two: Index, count: Index,
+) -> None:  # fmt: skip
+    """Add w and w·(x, y, z) of two neighbours each, to sums or, with ``begin``, to zero."""
+    for k in range(np.uint32(0), count):
+        q = ring[np.uint32(one + k)]
+        r = ring[np.uint32(two + k)]
+        u, v = w[q], w[r]
+        total[k] = (0.0 if begin else total[k]) + (u + v)
+        sx[k] = fma(v, x[r], fma(u, x[q], 0.0 if begin else sx[k]))
+        sy[k] = fma(v, y[r], fma(u, y[q], 0.0 if begin else sy[k]))
+        sz[k] = fma(v, z[r], fma(u, z[q], 0.0 if begin else sz[k]))
+
+
+@inner
+def gather_one(
+    ring: Indices, w: Floats, x: Floats, y: Floats, z: Floats,
+    sx: Floats, sy: Floats, sz: Floats, total: Floats, begin: bool, one: Index, count: Index,
+) -> None:  # fmt: skip
+    """Add w and w·(x, y, z) of one neighbour each."""
+    for k in range(np.uint32(0), count):
+        q = ring[np.uint32(one + k)]
+        u = w[q]
+        total[k] = (0.0 if begin else total[k]) + u
+        sx[k] = fma(u, x[q], 0.0 if begin else sx[k])
+        sy[k] = fma(u, y[q], 0.0 if begin else sy[k])
+        sz[k] = fma(u, z[q], 0.0 if begin else sz[k])
 
 
 @inner

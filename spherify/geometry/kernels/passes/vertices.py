@@ -5,33 +5,43 @@ from __future__ import annotations
 import numpy as np
 
 from spherify.geometry.kernels.passes.corners import vertex
+from spherify.geometry.kernels.passes.groups import FULL, MEASURED, PLAIN, Block, Results, Surface
 from spherify.geometry.kernels.passes.jit import inner
-from spherify.geometry.kernels.passes.rings import any_flat, is_flat, ring_block
-from spherify.geometry.kernels.passes.straight import BLOCK
+from spherify.geometry.kernels.passes.rings import BLOCK, measure_block, ring_block
+from spherify.geometry.kernels.passes.tracing import repeated, traced
 from spherify.geometry.kernels.passes.types import (
     DUAL_AREA,
     RING,
+    VTK,
     Buffers,
     Connectivity,
-    Floats,
-    Index,
     Mode,
     Scratch,
 )
-from spherify.geometry.kernels.passes.whole import begin_run, end_run, integrate
+from spherify.geometry.kernels.passes.whole import Sums, begin_run, end_run, integrate
+from spherify.geometry.kernels.passes.wide import LANES, Array, Place, Wide, first_lanes, where
 
 
-@inner
-def note_extremes(K: Floats, least: Floats, greatest: Floats, off: Floats, low: Index, count: Index) -> None:
-    """Bring the running extremes up to date, one for each place in a block, so that no value waits for another.
+@traced
+def note_extremes(K: Array, least: Array, greatest: Array, off: Array, low: Place, count: Place) -> None:
+    """Bring the running extremes of each lane up to date with a block of vertices.
 
     ``off`` stays 0 as long as all K are finite: 0·K is not a number where K is infinite or none itself.
     """
-    for j in range(np.uint32(0), count):
-        k = K[np.uint32(low + j)]
-        least[j] = k if k < least[j] else least[j]
-        greatest[j] = k if k > greatest[j] else greatest[j]
-        off[j] += 0.0 * k
+
+    def further(group: Place, before: tuple[Wide, Wide, Wide]) -> tuple[Wide, Wide, Wide]:
+        here = K.load(low + group * LANES)
+        there = first_lanes(count - group * LANES)
+        return (
+            where(there & (here < before[0]), here, before[0]),
+            where(there & (here > before[1]), here, before[1]),
+            where(there, here.fma(0.0, before[2]), before[2]),
+        )
+
+    groups = (count + (LANES - 1)).divided_by(LANES)
+    extremes = repeated(groups, (least.load(0), greatest.load(0), off.load(0)), further)
+    for row, value in zip((least, greatest, off), extremes, strict=True):
+        row.store(0, value)
 
 
 @inner
@@ -48,58 +58,87 @@ def vertex_pass(
 
     """
     x, y, z = use.position[0], use.position[1], use.position[2]
+    K, area, altitude, rows = use.curvature, use.area, use.altitude, scratch.rows
     px, py, pz = use.normal[0], use.normal[1], use.normal[2]
-    K, area, altitude = use.curvature, use.area, use.altitude
-    rows, angles = scratch.rows, scratch.angles
-    least, greatest, off = rows[18], rows[19], rows[20]
-    sx, sy, sz, areas, over, under, sum_K = rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], rows[6]
-    ex, ey, ez, dx, dy, dz, dd = rows[7], rows[8], rows[9], rows[10], rows[11], rows[12], rows[13]
-    nx, ny, nz, size = rows[14], rows[15], rows[16], rows[17]
-    volume, lengths = rows[21], rows[22]
-    weights, volumes, mx, my, mz, edges = rows[23], rows[24], rows[25], rows[26], rows[27], rows[28]
-    smallest, longest = rows[29], rows[30]
-    sine, squared, edge = angles[0], angles[1], angles[2]
-    ax, ay, az, sizes = angles[3], angles[4], angles[5], angles[6]
-    ring = mesh.ring
-    full = not measured and (weighed or mode.step_bound > 0 or mode.measure == DUAL_AREA)
-    for j in range(least.size):
+    least, greatest, off, volume, lengths = rows[0], rows[1], rows[2], rows[3], rows[4]
+    sums = Sums(rows[5], rows[6], rows[7], rows[8], rows[9], rows[10])
+    surface = Surface(x, y, z, mesh.ring, use.rows)
+    to = Results(K, px, py, pz, area, altitude, volume, lengths, scratch.flats)
+    by_area, dual = mode.measure == VTK, np.uint64(mode.measure == DUAL_AREA)
+    extras = (
+        MEASURED
+        if measured
+        else FULL
+        if weighed or mode.step_bound > 0 or mode.measure == DUAL_AREA
+        else PLAIN
+    )
+    for j in range(LANES):
         least[j], greatest[j], off[j] = np.inf, -np.inf, 0.0
     for r in range(first_run, last_run):
         low, last = mesh.runs[r, 0], mesh.runs[r, 1]
-        step = np.uint32(last - low)
+        step, degree = np.uint64(last - low), np.uint64(mesh.runs[r, 3])
         at = mesh.runs[r, 4]
+        scale = (3.0 if by_area else 1.0) / degree
         if measured:
-            begin_run(weights, volumes, mx, my, mz, edges)
+            begin_run(sums)
         while low < last:
             count = min(np.uint32(BLOCK), np.uint32(last - low))
-            by_ring = mesh.runs[r, 2] == RING
+            by_ring, flat = mesh.runs[r, 2] == RING, np.uint64(0)
             if by_ring:
-                ring_block(
-                    ring, x, y, z, K, px, py, pz, area, altitude,
-                    sx, sy, sz, areas, over, under, smallest, longest, volume, lengths, sum_K,
-                    ex, ey, ez, dx, dy, dz, dd, nx, ny, nz, size, sine, squared, edge, ax, ay, az, sizes,
-                    mode.measure, full, measured, np.uint64(low), np.uint64(count), np.uint64(mesh.runs[r, 3]),
-                    np.uint64(at), np.uint64(step),
-                )  # fmt: skip
-            if not by_ring or any_flat(smallest, longest, count):
+                block = Block(scale, dual, np.uint64(low), np.uint64(count), np.uint64(at), step, degree)
+                flat = ring_block(surface, to, block, by_area, extras)
+            if not by_ring or flat != np.uint64(0):
                 for k in range(np.uint32(0), count):
-                    if not by_ring or is_flat(smallest[k], longest[k]):
+                    bit = np.uint64(1) << np.uint64(k % np.uint32(LANES))
+                    if not by_ring or scratch.flats[k // np.uint32(LANES)] & bit:
                         p = np.uint32(low + k)
                         vertex(
                             x, y, z, mesh.corners, mesh.halfedges, mesh.twins,
                             mesh.first[p], mesh.first[np.uint32(p + np.uint32(1))],
                             mode.measure, K, px, py, pz, area, altitude, p,
                         )  # fmt: skip
-            note_extremes(K, least, greatest, off, low, count)
+            note_extremes(K, least, greatest, off, np.uint64(low), np.uint64(count))
             if measured:
-                integrate(x, y, z, area, volume, lengths, weights, volumes, mx, my, mz, edges, low, count)
+                integrate((x, y, z), area, volume, lengths, sums, np.uint64(low), np.uint64(count))
             low = np.uint32(low + count)
             at = np.uint32(at + count)
         if measured:
-            end_run(weights, volumes, mx, my, mz, edges, use.sums[r])
+            end_run(sums, use.sums[r])
     K_min, K_max, finite = np.inf, -np.inf, 0.0
-    for j in range(BLOCK):
+    for j in range(LANES):
         K_min = min(K_min, least[j])
         K_max = max(K_max, greatest[j])
         finite += off[j]
     return K_min, K_max, finite == 0
+
+
+@inner
+def measure_pass(mesh: Connectivity, use: Buffers, scratch: Scratch, first_run: int, last_run: int) -> None:
+    """Measure the vertices of some runs, all of which have rings."""
+    x, y, z = use.position[0], use.position[1], use.position[2]
+    rows, area = scratch.rows, use.area
+    volume, lengths = rows[3], rows[4]
+    sums = Sums(rows[5], rows[6], rows[7], rows[8], rows[9], rows[10])
+    surface = Surface(x, y, z, mesh.ring, use.rows)
+    to = Results(
+        use.curvature,
+        use.normal[0],
+        use.normal[1],
+        use.normal[2],
+        area,
+        use.altitude,
+        volume,
+        lengths,
+        scratch.flats,
+    )
+    for r in range(first_run, last_run):
+        low, last = np.uint64(mesh.runs[r, 0]), np.uint64(mesh.runs[r, 1])
+        step, degree, at = last - low, np.uint64(mesh.runs[r, 3]), np.uint64(mesh.runs[r, 4])
+        begin_run(sums)
+        while low < last:
+            count = min(np.uint64(BLOCK), last - low)
+            measure_block(surface, to, Block(1.0, np.uint64(0), low, count, at, step, degree))
+            integrate((x, y, z), area, volume, lengths, sums, low, count)
+            low += count
+            at += count
+        end_run(sums, use.sums[r])

@@ -10,15 +10,17 @@ threads.
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from spherify.geometry.kernels.passes.arithmetic import fma
 from spherify.geometry.kernels.passes.jit import inner
-from spherify.geometry.kernels.passes.straight import BLOCK, LANES
 from spherify.geometry.kernels.passes.totals import total_of
+from spherify.geometry.kernels.passes.tracing import repeated, traced
 from spherify.geometry.kernels.passes.types import Floats, Index
+from spherify.geometry.kernels.passes.wide import LANES, Array, Place, Wide, first_lanes, where
+from spherify.geometry.kernels.passes.wide_vectors import difference, dot
 
 SUMS: Final = 8
 RESULTS: Final = 8
@@ -31,49 +33,74 @@ def length(x: float, y: float, z: float) -> float:
     return math.sqrt(fma(x, x, fma(y, y, z * z)))
 
 
-@inner
-def begin_run(weights: Floats, volumes: Floats, mx: Floats, my: Floats, mz: Floats, edges: Floats) -> None:
-    """Begin the sums of a run, kept apart by place in the block."""
-    for k in range(np.uint32(0), np.uint32(BLOCK)):
-        weights[k], volumes[k], edges[k] = 0.0, 0.0, 0.0
-        mx[k], my[k], mz[k] = 0.0, 0.0, 0.0
+class Sums(NamedTuple):
+    """What a run adds up, by lane: the first LANES numbers of each row count.
+
+    Attributes:
+        weights: A(p).
+        volumes: Σ p · N_j.
+        mx: A(p)·p, and
+        my: so on
+        mz: and so on.
+        edges: Σ |d_j|.
+
+    """
+
+    weights: Any
+    volumes: Any
+    mx: Any
+    my: Any
+    mz: Any
+    edges: Any
 
 
 @inner
+def begin_run(sums: Sums) -> None:
+    """Begin the sums of a run."""
+    for k in range(LANES):
+        sums.weights[k], sums.volumes[k], sums.edges[k] = 0.0, 0.0, 0.0
+        sums.mx[k], sums.my[k], sums.mz[k] = 0.0, 0.0, 0.0
+
+
+@traced
 def integrate(
-    x: Floats, y: Floats, z: Floats, area: Floats, volume: Floats, lengths: Floats,
-    weights: Floats, volumes: Floats, mx: Floats, my: Floats, mz: Floats, edges: Floats, low: Index, count: Index,
+    position: tuple[Array, Array, Array], area: Array, volume: Array, lengths: Array, sums: Sums,
+    low: Place, count: Place,
 ) -> None:  # fmt: skip
-    """Add a block of vertices: A(p), Σ p · N_j, A(p)·p, Σ |d_j|."""
-    for k in range(np.uint32(0), count):
-        p = np.uint32(low + k)
-        weight = area[p]
-        weights[k] += weight
-        volumes[k] += volume[k]
-        mx[k] = fma(weight, x[p], mx[k])
-        my[k] = fma(weight, y[p], my[k])
-        mz[k] = fma(weight, z[p], mz[k])
-        edges[k] += lengths[k]
+    """Add a block of vertices, ``volume`` and ``lengths`` by place in the block."""
+
+    def further(group: Place, before: tuple[Wide, ...]) -> tuple[Wide, ...]:
+        k = group * LANES
+        there, p = first_lanes(count - k), low + k
+        weight = where(there, area.load(p), 0.0)
+        moments = (
+            where(there, weight.fma(part.load(p), sum_), sum_)
+            for part, sum_ in zip(position, before[2:5], strict=True)
+        )
+        return (
+            before[0] + weight,
+            before[1] + where(there, volume.load(k), 0.0),
+            *moments,
+            before[5] + where(there, lengths.load(k), 0.0),
+        )
+
+    all_groups = repeated(
+        (count + (LANES - 1)).divided_by(LANES), tuple(row.load(0) for row in sums), further
+    )
+    for row, value in zip(sums, all_groups, strict=True):
+        row.store(0, value)
 
 
 @inner
-def lanes_total(lanes: Floats) -> float:
-    """Return the sum of a block's places, whose first ones are left changed."""
-    half = np.uint32(BLOCK // 2)
-    while half >= np.uint32(LANES):
-        for k in range(np.uint32(0), half):
-            lanes[k] += lanes[np.uint32(half + k)]
-        half = half >> np.uint32(1)
-    return total_of(lanes[:LANES])
-
-
-@inner
-def end_run(
-    weights: Floats, volumes: Floats, mx: Floats, my: Floats, mz: Floats, edges: Floats, sums: Floats
-) -> None:
+def end_run(lanes: Sums, sums: Floats) -> None:
     """Write the sums of a run."""
-    sums[0], sums[1], sums[5] = lanes_total(weights), lanes_total(volumes) / 3, lanes_total(edges)
-    sums[2], sums[3], sums[4] = lanes_total(mx), lanes_total(my), lanes_total(mz)
+    sums[0], sums[1] = total_of(lanes.weights[:LANES]), total_of(lanes.volumes[:LANES]) / 3
+    sums[2], sums[3], sums[4] = (
+        total_of(lanes.mx[:LANES]),
+        total_of(lanes.my[:LANES]),
+        total_of(lanes.mz[:LANES]),
+    )
+    sums[5] = total_of(lanes.edges[:LANES])
 
 
 @inner
@@ -96,19 +123,26 @@ def centre(position: Floats, sums: Floats, share: float, result: Floats) -> None
     result[7] = length(position[0, 0] - result[2], position[1, 0] - result[3], position[2, 0] - result[4])
 
 
-@inner
+@traced
 def radii(
-    x: Floats, y: Floats, z: Floats, area: Floats, result: Floats, first: Floats, second: Floats,
-    low: Index, count: Index,
+    position: tuple[Array, Array, Array], area: Array, centre: tuple[Wide, Wide, Wide], about: Wide,
+    lanes: tuple[Array, Array], low: Place, count: Place,
 ) -> None:  # fmt: skip
-    """Add Σ A(p) (r - about) and Σ A(p) (r - about)² of a block of vertices, by place in the block."""
-    cx, cy, cz, about = result[2], result[3], result[4], result[7]
-    for k in range(np.uint32(0), count):
-        p = np.uint32(low + k)
-        off = length(x[p] - cx, y[p] - cy, z[p] - cz) - about
-        weighted = area[p] * off
-        first[k] += weighted
-        second[k] = fma(weighted, off, second[k])
+    """Write Σ A(p) (r - about) and Σ A(p) (r - about)² of a run of vertices, by lane."""
+
+    def further(group: Place, before: tuple[Wide, Wide]) -> tuple[Wide, Wide]:
+        k = group * LANES
+        d = difference(
+            (position[0].load(low + k), position[1].load(low + k), position[2].load(low + k)), centre
+        )
+        off = dot(d, d).root() - about
+        weighted = where(first_lanes(count - k), area.load(low + k) * off, 0.0)
+        return before[0] + weighted, where(first_lanes(count - k), weighted.fma(off, before[1]), before[1])
+
+    zero = 0.0 * about
+    sums = repeated((count + (LANES - 1)).divided_by(LANES), (zero, zero), further)
+    for lane, value in zip(lanes, sums, strict=True):
+        lane.store(0, value)
 
 
 @inner
@@ -117,14 +151,12 @@ def spread_run(
     low: Index, last: Index,
 ) -> None:  # fmt: skip
     """Write the sums of `radii` of a run of vertices."""
-    x, y, z = position[0], position[1], position[2]
-    for k in range(np.uint32(0), np.uint32(BLOCK)):
-        first[k], second[k] = 0.0, 0.0
-    while low < last:
-        count = min(np.uint32(BLOCK), np.uint32(last - low))
-        radii(x, y, z, area, result, first, second, low, count)
-        low = np.uint32(low + count)
-    sums[6], sums[7] = lanes_total(first), lanes_total(second)
+    centre = (result[2], result[3], result[4])
+    radii(
+        (position[0], position[1], position[2]), area, centre, result[7], (first, second),
+        np.uint64(low), np.uint64(last - low),
+    )  # fmt: skip
+    sums[6], sums[7] = total_of(first[:LANES]), total_of(second[:LANES])
 
 
 @inner
