@@ -21,7 +21,7 @@ class Shape:
         volume: signed, length³, positive when the normals point outward; for an open mesh that of the cone over
             it from its centroid.
         centroid: (3,) area-weighted centroid of the surface.
-        mean_edge: mean length of all edges.
+        mean_edge: mean length of all edges; nan where it was not asked for.
         radius_variation: area-weighted standard deviation of |p - centroid| over its mean; 0 on a round sphere
             whatever its triangles.
 
@@ -50,8 +50,8 @@ class Shape:
 
     @property
     def finite(self) -> bool:
-        """Whether every number is finite."""
-        return all(map(math.isfinite, (self.area, self.volume, self.mean_edge, self.radius_variation)))
+        """Whether every number is finite that no coordinate is left out of."""
+        return all(map(math.isfinite, (self.area, self.volume, self.radius_variation)))
 
 
 def sphericity(area: float, volume: float) -> float:
@@ -75,8 +75,8 @@ def radius_variation(V: Floats, centre: Floats, weights: Floats) -> float:
     return float(np.sqrt((weights * (distances - mean) ** 2).sum() / total)) / mean
 
 
-def shape_of(V: Floats, topology: Topology) -> Shape:
-    """Measure positions (n, 3) over a connectivity."""
+def shape_of(V: Floats, topology: Topology, *, edges: bool = True) -> Shape:
+    """Measure positions (n, 3) over a connectivity; ``edges``: with their mean length."""
     F = topology.faces
     areas = measures.face_areas(V, F)
     centroid = measures.area_centroid(V, F, areas)
@@ -84,6 +84,6 @@ def shape_of(V: Floats, topology: Topology) -> Shape:
         area=float(areas.sum()),
         volume=measures.volume(V, F, centroid),
         centroid=centroid,
-        mean_edge=float(measures.edge_lengths(V, topology.edges).mean()),
+        mean_edge=float(measures.edge_lengths(V, topology.edges).mean()) if edges else math.nan,
         radius_variation=radius_variation(V, centroid, measures.sum_at_vertices(areas, F, len(V)) / 3),
     )

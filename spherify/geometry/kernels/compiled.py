@@ -6,6 +6,7 @@ finite is left to the reference, so that a mesh that breaks does so in the same 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any, Final
@@ -171,21 +172,22 @@ class CompiledKernel:
             self._sphere.step(centre, found.K_min, found.K_max, along)
         return self._positions.unloaded()
 
-    def shape(self, V: Floats) -> Shape:
+    def shape(self, V: Floats, *, edges: bool = True) -> Shape:
         """See `spherify.geometry.kernels.interface.Kernel.shape`."""
         self._load(V, to_move=False)
         if self._has_rings:
-            self._curved = self._measured_by_rings()
+            self._curved = self._measured_by_rings(edges=edges)
             result = self._use.whole
         else:
             self._curved = None  # its memory is needed
             result = self._faces.measure(self._use.position, self._use.curvature)
-        area, volume, x, y, z, edges, variation, _ = result.tolist()
+        area, volume, x, y, z, lengths, variation, _ = result.tolist()
         if len(self._single):  # the sum over the faces has these once, all others twice
             position = self._use.position
             a, b = position[:, self._single[:, 0]], position[:, self._single[:, 1]]
-            edges += float(np.sqrt(((b - a) ** 2).sum(axis=0)).sum())
-        return Shape(area, volume, np.array([x, y, z]), edges / 2 / self._edge_count, variation)
+            lengths += float(np.sqrt(((b - a) ** 2).sum(axis=0)).sum())
+        mean_edge = lengths / 2 / self._edge_count if edges else math.nan
+        return Shape(area, volume, np.array([x, y, z]), mean_edge, variation)
 
     def figures(self, V: Floats, centre: Floats) -> Figures:
         """See `spherify.geometry.kernels.interface.Kernel.figures`."""
@@ -297,9 +299,9 @@ class CompiledKernel:
         found: Found = self._code(self._mesh, self._use, self._scratch[thread], self._mode, task)
         return found
 
-    def _measured_by_rings(self) -> list[Found] | None:
+    def _measured_by_rings(self, *, edges: bool) -> list[Found] | None:
         """Measure the positions loaded, along with curvature and normals if the next step begins with them."""
-        along = VERTICES if self._goes_on else 0
+        along = VERTICES if self._goes_on and not edges else 0
         task = Task(ROWS + along + sum(BY_RINGS), *self._parts[0], 1, 0, 0.0, 0.0)
         if len(self._parts) == 1:
             found = [self._work((0, task))]

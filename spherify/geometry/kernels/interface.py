@@ -92,8 +92,14 @@ class Kernel(Protocol):
         """Do what `spherify.geometry.unfolding.folds` does, of the directions of V (n, 3) from ``centre`` (3,)."""
         ...
 
-    def shape(self, V: Floats) -> Shape:
-        """Measure the surface as a whole; numbers that are not finite are passed on."""
+    def shape(self, V: Floats, *, edges: bool = True) -> Shape:
+        """Measure the surface as a whole; numbers that are not finite are passed on.
+
+        Args:
+            V: (n, 3) positions.
+            edges: whether the mean edge is wanted; that of an engine may cost half of the rest.
+
+        """
         ...
 
     def figures(self, V: Floats, centre: Floats) -> Figures:

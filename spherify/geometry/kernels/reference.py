@@ -82,9 +82,9 @@ class ReferenceKernel:
         """See `spherify.geometry.kernels.interface.Kernel.folds`."""
         return folds(measures.normalised(V - centre), self._topology.faces)
 
-    def shape(self, V: Floats) -> Shape:
+    def shape(self, V: Floats, *, edges: bool = True) -> Shape:
         """See `spherify.geometry.kernels.interface.Kernel.shape`."""
-        return shape_of(V, self._topology)
+        return shape_of(V, self._topology, edges=edges)
 
     def figures(self, V: Floats, centre: Floats) -> Figures:
         """See `spherify.geometry.kernels.interface.Kernel.figures`."""

@@ -94,6 +94,7 @@ class CurvatureTransformation:
         self._kernel: Kernel = engine.prepare(topology, config)
         self._unit = unit
         self._initial_mean_edge = 0.0
+        self._measures_edges = True  # at the start, whatever the unit of the step
         self.computed_by = engine.name
 
     @property
@@ -109,7 +110,7 @@ class CurvatureTransformation:
 
     def shape(self, V: Floats) -> Shape:
         """See `Method.shape`."""
-        return self._kernel.shape(V)
+        return self._kernel.shape(V, edges=self._measures_edges)
 
     def figures(self, V: Floats, centre: Floats) -> Figures:
         """See `Method.figures`."""
@@ -122,6 +123,7 @@ class CurvatureTransformation:
     def begin(self, V: Floats, shape: Shape) -> Memory:
         """See `Method.begin`."""
         self._initial_mean_edge = shape.mean_edge
+        self._measures_edges = self._config.step_unit == "mean-edge"
         control = np.array(Control(0.0, 1.0, shape.sphericity, 0))
         weights = np.zeros(self.layout["log_weights"][0])
         return {"previous": V, "control": control, "centre": shape.centroid, "log_weights": weights}

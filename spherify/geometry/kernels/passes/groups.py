@@ -41,11 +41,7 @@ from spherify.geometry.kernels.passes.wide_vectors import (
     times,
 )
 
-PLAIN, FULL, MEASURED = (
-    0,
-    1,
-    2,
-)  # besides K and n_p: nothing; areas and least altitudes; areas, volumes and lengths
+PLAIN, FULL, MEASURED = 0, 1, 2  # besides K and n_p: nothing; areas and least altitudes; areas and volumes
 
 
 class Surface(NamedTuple):
@@ -211,7 +207,6 @@ class Around(NamedTuple):
         normal: Σ N / |N|.
         vector: Σ N.
         areas: Σ |N|.
-        lengths: Σ |d|.
         smallest: |N|².
         longest: d².
         altitude: the least, as of `altitude_of`.
@@ -226,7 +221,6 @@ class Around(NamedTuple):
     normal: Vector
     vector: Vector
     areas: Wide
-    lengths: Wide
     smallest: Wide
     longest: Wide
     altitude: tuple[Wide, Wide]
@@ -252,7 +246,6 @@ def any_ring_group(*, by_area: bool) -> Group:
                 normal=added(s.normal, b.normal, b.inverse),
                 vector=plus(s.vector, b.normal),
                 areas=s.areas + b.size,
-                lengths=s.lengths + s.dd.root(),
                 smallest=lesser(b.squared, s.smallest),
                 longest=greater(ff, s.longest),
                 altitude=lower(altitude_of(s.d, s.dd, f, ff, b), s.altitude),
@@ -260,10 +253,10 @@ def any_ring_group(*, by_area: bool) -> Group:
 
         e = difference(columns(rows.rows(ring, at + (block.degree - 1) * block.step))[:3], p)
         d = difference(columns(rows.rows(ring, at))[:3], p)
-        zero, dd, first = 0.0 * block.scale, dot(d, d), face(e, d)
+        zero, dd, first = equal(block.scale, 0.0), dot(d, d), face(e, d)
         nothing = (zero, zero, zero)
         begin = Around(
-            e, d, dd, first, zero, nothing, nothing, zero, zero, first.squared, dd,
+            e, d, dd, first, zero, nothing, nothing, zero, first.squared, dd,
             altitude_of(e, dot(e, e), d, dd, first),
         )  # fmt: skip
         s = repeated(block.degree, begin, turn)
@@ -274,7 +267,6 @@ def any_ring_group(*, by_area: bool) -> Group:
             (to.altitude, (s.altitude[0] / s.altitude[1]).root()),
         ]
         to.volume.store(k, dot(p, s.vector))
-        to.lengths.store(k, s.lengths)
         _write(outputs, low, count)
         return (first_lanes(count) & is_flat(s.smallest, s.longest)).bits()
 
@@ -299,7 +291,6 @@ def measure_group(degree: int) -> Group:
             normals.append(cross(d[j], d[j + 1]))
         for j in range(degree):
             sizes.append(dot(normals[j], normals[j]).root())
-            # The divider has not the time for all roots.
             lengths.append(_length(dot(d[j], d[j]), by_division=j % 2 == 0))
         to.volume.store(k, dot(p, reduce(plus, normals)))
         to.lengths.store(k, reduce(add, lengths))

@@ -65,13 +65,10 @@ def vertex_pass(
     surface = Surface(x, y, z, mesh.ring, use.rows)
     to = Results(K, px, py, pz, area, altitude, volume, lengths, scratch.flats)
     by_area, dual = mode.measure == VTK, np.uint64(mode.measure == DUAL_AREA)
-    extras = (
-        MEASURED
-        if measured
-        else FULL
-        if weighed or mode.step_bound > 0 or mode.measure == DUAL_AREA
-        else PLAIN
-    )
+    extras = FULL if weighed or mode.step_bound > 0 or mode.measure == DUAL_AREA else PLAIN
+    extras = MEASURED if measured else extras
+    for k in range(lengths.size if measured else 0):
+        lengths[k] = 0.0  # with vertices nobody asks for edges, whose roots cost more than all other sums
     for j in range(LANES):
         least[j], greatest[j], off[j] = np.inf, -np.inf, 0.0
     for r in range(first_run, last_run):
@@ -120,17 +117,8 @@ def measure_pass(mesh: Connectivity, use: Buffers, scratch: Scratch, first_run: 
     volume, lengths = rows[3], rows[4]
     sums = Sums(rows[5], rows[6], rows[7], rows[8], rows[9], rows[10])
     surface = Surface(x, y, z, mesh.ring, use.rows)
-    to = Results(
-        use.curvature,
-        use.normal[0],
-        use.normal[1],
-        use.normal[2],
-        area,
-        use.altitude,
-        volume,
-        lengths,
-        scratch.flats,
-    )
+    K, normal = use.curvature, use.normal
+    to = Results(K, normal[0], normal[1], normal[2], area, use.altitude, volume, lengths, scratch.flats)
     for r in range(first_run, last_run):
         low, last = np.uint64(mesh.runs[r, 0]), np.uint64(mesh.runs[r, 1])
         step, degree, at = last - low, np.uint64(mesh.runs[r, 3]), np.uint64(mesh.runs[r, 4])
