@@ -19,6 +19,7 @@ from spherify.geometry.kernels.passes.types import Buffers, Floats, Index, Ints
 BINS = 2048  # 16 kB of counts
 FEW = 48  # are sorted by insertion
 SAMPLE = 64
+STRETCH = 64  # values that are looked at together
 Bins = NDArray[np.uint16]
 
 
@@ -106,17 +107,30 @@ def bin_of(counts: Ints, rank: int) -> tuple[int, int]:
 
 
 @inner
+def any_in(bins: Bins, one: np.uint16, two: np.uint16, low: np.uint64, high: np.uint64) -> bool:
+    """Whether one of some values lies in one of two bins."""
+    found = np.uint16(0)
+    for k in range(low, high):
+        found |= np.uint16(bins[k] == one) | np.uint16(bins[k] == two)
+    return bool(found != 0)
+
+
+@inner
 def collect(
     v: Floats, bins: Bins, one: int, two: int, into: Floats, into_two: Floats, low: Index, high: Index
 ) -> None:
-    """Copy the values of two bins, to where these values begin."""
+    """Copy the values of two bins, to where these values begin; most stretches have none."""
     bin_one, bin_two = np.uint16(one), np.uint16(two)
-    i, j = np.uint64(low), np.uint64(low)
-    for k in range(np.uint64(low), np.uint64(high)):
-        into[i] = v[k]  # overwritten by the next unless it belongs to the bin: cheaper than a jump
-        into_two[j] = v[k]
-        i += np.uint64(bins[k] == bin_one)
-        j += np.uint64(bins[k] == bin_two)
+    i, j, begin = np.uint64(low), np.uint64(low), np.uint64(low)
+    while begin < high:
+        end = min(begin + np.uint64(STRETCH), np.uint64(high))
+        if any_in(bins, bin_one, bin_two, begin, end):
+            for k in range(begin, end):
+                into[i] = v[k]  # overwritten by the next unless it belongs to the bin: cheaper than a jump
+                into_two[j] = v[k]
+                i += np.uint64(bins[k] == bin_one)
+                j += np.uint64(bins[k] == bin_two)
+        begin = end
 
 
 @inner
