@@ -1,0 +1,94 @@
+"""A compiled kernel answers as a new one does, whatever it was asked before: nothing stale is in its buffers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from spherify.geometry.config import FlowConfig, Stage
+from spherify.geometry.kernels import compiled, numbering
+from spherify.geometry.kernels.compiled import CompiledEngine, CompiledKernel
+from spherify.geometry.mesh import Floats, TriangleMesh
+from spherify.geometry.presets import PRESETS
+from spherify.geometry.topology import Topology
+from spherify.geometry.unfolding import Unfolded
+from tests.geometry.shapes import jittered, open_bump, pinched, uneven_sphere
+
+PAPER, ROBUST = (PRESETS[name].config for name in ("paper", "robust"))
+CONFIGS = {
+    "paper": PAPER,  # whose steps go on from the curvature that a measurement has left
+    "dual-area": replace(PAPER, measure="dual-area"),
+    "bounded": replace(PAPER, step_bound=0.001),  # less than the step
+    "weighed": replace(PAPER, relaxation=0.5, relaxation_exponent=0.5, window=(10.0, 90.0)),
+    "robust": ROBUST,
+}
+MESHES = {
+    "sphere": uneven_sphere(4),
+    "pinched": jittered(pinched(), 0.1),  # measured by faces, as are open ones
+    "open": jittered(open_bump(9), 0.01),
+}
+CENTRE, ROUNDS = np.array([0.02, -0.01, 0.03]), 250
+ONE_EACH, MORE = Stage(1, 1, 0), Stage(1, 2, 1)
+Question = Callable[[CompiledKernel, Floats, Floats], Any]
+QUESTIONS: list[Question] = [  # of positions and those before, the commonest first
+    lambda kernel, V, _: kernel.figures(V, CENTRE),
+    lambda kernel, V, _: kernel.shape(V),
+    lambda kernel, V, _: kernel.transform(V, ONE_EACH, 1e-3, 0.0),
+    lambda kernel, V, _: kernel.transform(V, MORE, 1e-3, 0.5),
+    lambda kernel, V, W: kernel.transform(V, MORE, 1e-3, 0.0, previous=W, momentum=0.5),
+    lambda kernel, V, _: kernel.covering(V, CENTRE),
+    lambda kernel, V, _: kernel.folds(V, CENTRE),
+    lambda kernel, V, _: kernel.scaled(V, CENTRE, 1.001),
+    lambda kernel, V, _: kernel.transform_radially(V, MORE, 1e-3, CENTRE),
+    lambda kernel, V, W: kernel.ahead_along_radii(V, W, CENTRE, 0.5),
+    lambda kernel, V, _: kernel.even_out(V, CENTRE, MORE),
+]
+ON_THE_SPHERE: list[Question] = [
+    lambda kernel, V, _: kernel.unfold(V, CENTRE, np.zeros(len(V)), exponent=1.0, damping=0.5, rounds=2),
+    lambda kernel, V, _: kernel.spread(V, CENTRE, 1),
+    lambda kernel, V, W: kernel.ascend(V, W, CENTRE, 0.5),
+    lambda kernel, V, _: kernel.centre_inside(V, CENTRE),
+]
+
+
+def said(answer: object) -> object:
+    """Return an answer to the last bit."""
+    if isinstance(answer, Unfolded):
+        return [said(answer.positions), said(answer.log_weights), answer.inward, answer.least_area]
+    return answer.tobytes(order="C") if isinstance(answer, np.ndarray) else repr(answer)
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+@pytest.mark.parametrize("config", CONFIGS)
+@pytest.mark.parametrize("name", MESHES)
+def test_any_order_of_questions(name: str, config: str, threads: int, monkeypatch: pytest.MonkeyPatch):
+    """Mostly of the positions it has made last, which may still be loaded; also of earlier ones, and of copies."""
+    monkeypatch.setattr(compiled, "WORTH_SHARING", 1)
+    monkeypatch.setattr(numbering, "WINDOW", 24)  # so that there are runs for all threads
+    mesh: TriangleMesh = MESHES[name]
+    settings: FlowConfig = CONFIGS[config]
+    topology, random = Topology.of(len(mesh.vertices), mesh.faces), np.random.default_rng(len(config))
+    questions = QUESTIONS + (ON_THE_SPHERE if name == "sphere" else [])
+    positions = [np.array(mesh.vertices) * 1.01, np.array(mesh.vertices)]
+
+    @cache
+    def expected(number: int, which: int) -> object:
+        kernel = CompiledEngine(1).prepare(topology, settings)
+        return said(questions[which](kernel, positions[number].copy(), positions[number - 1].copy()))
+
+    kernel = CompiledEngine(threads).prepare(topology, settings)
+    for _ in range(ROUNDS):
+        number = max(1, len(positions) - 1 - int(random.exponential(1.2)))
+        which = min(int(random.exponential(len(questions) / 3)), len(questions) - 1)
+        V = positions[number].copy() if random.random() < 0.05 else positions[number]
+        answer = questions[which](kernel, V, positions[number - 1])
+        assert said(answer) == expected(number, which)
+        moved = answer.positions if isinstance(answer, Unfolded) else answer
+        if isinstance(moved, np.ndarray) and moved.shape == V.shape and random.random() < 0.1:
+            positions.append(moved)
+    assert len(positions) > 4
