@@ -8,6 +8,7 @@ import numpy as np
 
 from spherify.geometry.kernels.passes import rings, selection, shape, whole
 from spherify.geometry.kernels.passes.types import Buffers, Scratch
+from spherify.geometry.kernels.passes.wide import LANES
 from spherify.geometry.mesh import Floats
 
 LINE = 8  # numbers in a cache line; rows that begin with one are read in one go
@@ -64,7 +65,7 @@ def buffers(n: int, n_held: int, n_runs: int, n_parts: int = 1) -> Buffers:
 
 def scratch() -> Scratch:
     """Allocate what one thread writes for one block."""
-    return Scratch(aligned(rings.ROWS, rings.STRIDE), np.zeros(rings.BLOCK // LINE, dtype=np.uint64))
+    return Scratch(aligned(rings.ROWS, rings.STRIDE), np.zeros(rings.BLOCK // LANES, dtype=np.uint64))
 
 
 def aligned(rows: int, columns: int) -> Floats:
@@ -76,4 +77,4 @@ def aligned(rows: int, columns: int) -> Floats:
 
 def padded(rows: int, columns: int) -> Floats:
     """Allocate (rows, columns) with room behind, for vertices are read in groups: numbers that nobody uses."""
-    return np.zeros(rows * columns + LINE)[: rows * columns].reshape(rows, columns)
+    return np.zeros(rows * columns + LANES)[: rows * columns].reshape(rows, columns)

@@ -79,7 +79,10 @@ def bend(one: Edge, a: Face, b: Face, *, by_area: bool) -> Wide:
 
 
 def altitude_of(e: Vector, ee: Wide, d: Vector, dd: Wide, of: Face) -> tuple[Wide, Wide]:
-    """Return |N|² and the square of the longest edge of a face; over each other, the square of its altitude."""
+    """Return |N|² and the square of the longest edge of a face; over each other, the square of its altitude.
+
+    `lower` multiplies one by the other: for lengths from 1e-50 to 1e50, in whose middle those of a frame lie.
+    """
     g = difference(d, e)
     return of.squared, greater(greater(ee, dot(g, g)), dd)
 

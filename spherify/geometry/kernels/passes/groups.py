@@ -52,7 +52,7 @@ class Surface(NamedTuple):
         y: so on
         z: and so on.
         ring: `Connectivity.ring`.
-        rows: (4n,) x, y, z of each vertex and something else, which may not begin anywhere but with a fourth of a line.
+        rows: (4n,) x, y, z of each vertex and something else; begins with a line, of which each row is half.
 
     """
 
@@ -328,6 +328,3 @@ def any_measure_group() -> Group:
 def _length(squared: Wide, *, by_division: bool) -> Wide:
     """√, in one way or the other."""
     return squared.root() if by_division else squared * inverse_root(squared)
-
-
-Sweep: TypeAlias = Callable[[Surface, Results, Block], int]

@@ -9,8 +9,8 @@ its faces. Then everything follows without going back to memory:
 Faces and edges are computed anew at each of their vertices, three times and twice. Keeping them would take 84 numbers
 from all over the memory for each vertex; this takes one row of it for each neighbour. Eight vertices of a run, which
 have as many neighbours each (`Connectivity.runs`), are a group; all that belongs to it stays in registers, see `wide`.
-For the commonest degrees the way around is one straight piece of code; for others what goes from neighbour to
-neighbour lies in scratch.
+For the commonest degrees the way around is one straight piece of code; for others it is a loop, which computes all
+that may be wanted (`groups.Around`).
 
 Where the surface bends little over all edges of a group, as nearly everywhere on a fine mesh, θ is the arcsine of a
 sine that the way around gives without a root or a cosine. What is in a group depends on the mesh alone, so that the
@@ -40,7 +40,7 @@ from spherify.geometry.kernels.passes.tracing import repeated, traced
 from spherify.geometry.kernels.passes.wide import LANES, Lane, Place
 
 BLOCK: Final = 256  # vertices, at most, that are computed by one call
-ROWS: Final = 12  # of a thread's scratch
+ROWS: Final = 11  # of a thread's scratch
 STRIDE: Final = (
     BLOCK + LANES
 )  # rows that do not begin at equal places of a page, where loads would wait for stores

@@ -14,7 +14,6 @@ Flats: TypeAlias = NDArray[np.uint64]
 Index: TypeAlias = np.uint32
 
 MEASURES: Final = {"length": 0, "vtk": 1, "dual-area": 2}
-LENGTH: Final = MEASURES["length"]
 VTK: Final = MEASURES["vtk"]
 DUAL_AREA: Final = MEASURES["dual-area"]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TypeAlias
 
-from spherify.geometry.kernels.passes.arithmetic import fma, inverse_root
+from spherify.geometry.kernels.passes.arithmetic import fma
 from spherify.geometry.kernels.passes.jit import inner
 
 Vector: TypeAlias = tuple[float, float, float]
@@ -24,14 +24,6 @@ def cross(a: Vector, b: Vector) -> Vector:
         fma(a[2], b[0], -(a[0] * b[2])),
         fma(a[0], b[1], -(a[1] * b[0])),
     )
-
-
-@inner
-def sized(a: Vector) -> tuple[float, float, float]:
-    """Return |a|², 1/|a| and |a|."""
-    squared = dot(a, a)
-    scale = inverse_root(squared)
-    return squared, scale, squared * scale
 
 
 @inner

@@ -141,10 +141,6 @@ class Wide:
     def __le__(self, other: Wide | float) -> Mask:
         return Mask(self.builder, self.builder.fcmp_ordered("<=", self.value, _doubles(other)))
 
-    def exceeds(self, other: Wide | float) -> Mask:
-        """Where this is greater than the other, or one of them is not a number."""
-        return Mask(self.builder, self.builder.fcmp_unordered(">", self.value, _doubles(other)))
-
     def is_zero(self) -> Mask:
         """Where this is 0."""
         return Mask(self.builder, self.builder.fcmp_ordered("==", self.value, _doubles(0.0)))
