@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -168,3 +170,24 @@ def test_a_function_apart_gives_the_same():
     assert call(a, b, c, 3.0) == (13, 13)
     assert np.array_equal(b, c)
     assert np.array_equal(b, np.where(a < 8, 0, 3 * a))
+
+
+def test_what_the_processor_cannot_do_in_one_is_still_rounded_once_and_written_out_once():
+    """Without an instruction for a·b + c each is eight calls: at every place they would be most of the code."""
+    code = (
+        "import numpy as np; from numba import njit\n"
+        "from spherify.geometry.kernels.passes.tracing import traced\n"
+        "def twenty(a):\n"
+        "    x = a.load(0)\n"
+        "    for _ in range(20): a.store(0, x.fma(x, -(1 + 2.0**-29))); x = x + 0.0 * a.load(0)\n"
+        "group = traced(twenty, apart=True); call = njit(lambda a: group(a))\n"
+        "a = np.full(8, 1 + 2.0**-30); call(a); print(set(a) == {2.0**-60})\n"
+        "print(max(asm.count('callq') for asm in call.inspect_asm().values()))"
+    )
+    processor = {"NUMBA_CPU_NAME": "x86-64", "NUMBA_CPU_FEATURES": "+sse2", "PATH": "/usr/bin"}
+    run = subprocess.run(
+        [sys.executable, "-c", code], env=processor, check=True, capture_output=True, text=True
+    )
+    rounded_once, calls = run.stdout.split()
+    assert rounded_once == "True"
+    assert 20 + 8 <= int(calls) < 2 * 20

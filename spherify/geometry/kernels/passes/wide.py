@@ -10,8 +10,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final, TypeAlias, cast
 
+import llvmlite.binding as llvm
 import numpy as np
 from llvmlite import ir
+from numba import config as _config
 
 LANES: Final = 8  # numbers in the widest register
 ROW_BYTES: Final = 32  # which a row begins at a multiple of
@@ -19,12 +21,23 @@ ROW_BYTES: Final = 32  # which a row begins at a multiple of
 Lane: TypeAlias = np.uint64  # for places; what is narrower may wrap around, and what has a sign be negative
 
 DOUBLE, INTEGER, _INDEX = ir.DoubleType(), ir.IntType(64), ir.IntType(32)
+FMA_APART: Final = "fma_of_eight"
 _DOUBLES, _INTEGERS = ir.VectorType(DOUBLE, LANES), ir.VectorType(INTEGER, LANES)
 _ROW = ir.VectorType(DOUBLE, 4)
 # Which numbers of two registers make a new one; see `columns` and `across`.
 _FIRSTS, _SECONDS = (0, 8, 2, 10, 4, 12, 6, 14), (1, 9, 3, 11, 5, 13, 7, 15)
 _EVEN, _ODD = (0, 1, 4, 5, 8, 9, 12, 13), (2, 3, 6, 7, 10, 11, 14, 15)
 _LOW, _HIGH = (0, 1, 8, 9, 2, 3, 10, 11), (4, 5, 12, 13, 6, 7, 14, 15)
+
+
+config: Any = _config  # its attributes are made when it is imported
+
+
+def has_fma() -> bool:
+    """Whether the processor that is compiled for has an instruction for a·b + c."""
+    if config.CPU_FEATURES is None:
+        return bool(llvm.get_host_cpu_features().get("fma"))
+    return "+fma" in config.CPU_FEATURES.split(",")
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +160,20 @@ class Wide:
 
     def fma(self, by: Wide | float, plus: Wide | float) -> Wide:
         """Return self·by + plus, rounded once."""
-        return self._of("llvm.fma", self, by, plus)
+        if has_fma():
+            return self._of("llvm.fma", self, by, plus)
+        # Eight calls of the C library's, with all else in memory meanwhile: written out at each place they are most of
+        # the machine code, which then takes four times as long to make.
+        module = self.builder.module
+        function = module.globals.get(FMA_APART)
+        if function is None:
+            function = ir.Function(module, ir.FunctionType(_DOUBLES, [_DOUBLES] * 3), FMA_APART)
+            function.linkage = "internal"
+            function.attributes.add("noinline")
+            within = ir.IRBuilder(function.append_basic_block())
+            a, b, c = (Wide(within, argument) for argument in function.args)
+            within.ret(a._of("llvm.fma", a, b, c).value)
+        return Wide(self.builder, self.builder.call(function, [_doubles(one) for one in (self, by, plus)]))
 
     def root(self) -> Wide:
         """√."""
