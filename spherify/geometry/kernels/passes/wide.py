@@ -29,12 +29,13 @@ _FIRSTS, _SECONDS = (0, 8, 2, 10, 4, 12, 6, 14), (1, 9, 3, 11, 5, 13, 7, 15)
 _EVEN, _ODD = (0, 1, 4, 5, 8, 9, 12, 13), (2, 3, 6, 7, 10, 11, 14, 15)
 _LOW, _HIGH = (0, 1, 8, 9, 2, 3, 10, 11), (4, 5, 12, 13, 6, 7, 14, 15)
 
-
 config: Any = _config  # its attributes are made when it is imported
 
 
 def has_fma() -> bool:
-    """Whether the processor that is compiled for has an instruction for a·b + c."""
+    """Whether the processor that is compiled for has an instruction for a·b + c, as all but old x86 have."""
+    if not llvm.get_process_triple().startswith(("x86_64", "i686", "i386")):
+        return True
     if config.CPU_FEATURES is None:
         return bool(llvm.get_host_cpu_features().get("fma"))
     return "+fma" in config.CPU_FEATURES.split(",")
