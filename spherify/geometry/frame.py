@@ -31,14 +31,17 @@ class Frame:
     @classmethod
     def around(cls, V: Floats) -> Frame:
         """Return the frame of positions (n, 3), n ≥ 1."""
-        low, high = V.min(axis=0), V.max(axis=0)
+        columns = np.ascontiguousarray(V.T)  # many times as quick as down the rows
+        low, high = columns.min(axis=1), columns.max(axis=1)
         origin = low / 2 + high / 2  # halved first: the sum may overflow
         half_side = float((high / 2 - low / 2).max())
         return cls(origin, math.ldexp(1.0, math.frexp(half_side)[1] - 1) if half_side > 0 else 1.0)
 
     def inside(self, V: Floats) -> Floats:
         """Return positions V of the mesh's unit as positions in the box, column by column in memory."""
-        return np.asfortranarray((V - self.origin) / self.scale)
+        U = V - self.origin
+        U /= self.scale
+        return np.asfortranarray(U)
 
     def outside(self, U: Floats) -> Floats:
         """Return positions U in the box in the mesh's unit, row by row in memory, read-only."""

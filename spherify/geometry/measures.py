@@ -135,7 +135,8 @@ def volume(V: Floats, F: Ints, origin: Floats) -> float:
 
     For a closed mesh it does not depend on ``origin`` (3,); for an open one it is that of the cone over it.
     """
-    a, b, c = (gather(V, F[:, k]) - origin for k in range(3))
+    spokes = V - origin
+    a, b, c = (gather(spokes, F[:, k]) for k in range(3))
     return float(dot(a, cross(b, c)).sum() / 6)
 
 

@@ -44,17 +44,24 @@ class Topology:
     def of(cls, n_vertices: int, faces: Ints) -> Topology:
         """Build the topology of ``faces`` (m, 3), whose indices lie in 0 … n_vertices - 1."""
         keys, sides = _edge_keys(n_vertices, faces)
-        keys, halfedge_edges, face_count = np.unique(keys, return_inverse=True, return_counts=True)
-        edges = np.stack([keys // max(n_vertices, 1), keys % max(n_vertices, 1)], axis=1)
-        edge_faces = np.full((len(edges), 2), -1, dtype=np.int64)
+        # As numpy's `unique` does, but stable: keys of neighbours ascend together, which that sort makes use of.
+        order = np.argsort(keys, kind="stable")
+        keys = keys[order]
+        new = np.concatenate([[True], keys[1:] != keys[:-1]])[: len(keys)]
+        halfedge_edges = np.empty_like(order)
+        halfedge_edges[order] = np.cumsum(new) - 1
+        del order
+        face_count = np.diff(np.flatnonzero(new), append=len(keys))
+        keys = keys[new]
+        # Column by column in memory: the measures gather one corner of all faces, one end of all edges at a time.
+        edges, edge_faces = np.empty((2, len(keys)), dtype=np.int64), np.full((2, len(keys)), -1)
+        np.floor_divide(keys, max(n_vertices, 1), out=edges[0])
+        np.subtract(keys, n_vertices * edges[0], out=edges[1])
+        del keys, new
         for side, runs in enumerate(sides):
             halfedges = np.flatnonzero(runs)[::-1]  # backwards, so that the first face is the one that stays
-            edge_faces[halfedge_edges[halfedges], side] = halfedges // 3
-        # Column by column in memory: the measures gather one corner of all faces, one end of all edges at a time.
-        columns = np.asfortranarray
-        return cls(
-            n_vertices, columns(faces), columns(edges), face_count, columns(edge_faces), halfedge_edges
-        )
+            edge_faces[side, halfedge_edges[halfedges]] = halfedges // 3
+        return cls(n_vertices, np.asfortranarray(faces), edges.T, face_count, edge_faces.T, halfedge_edges)
 
     @cached_property
     def interior(self) -> Bools:
@@ -175,7 +182,7 @@ class Topology:
 
 def _edge_keys(n: int, faces: Ints) -> tuple[Ints, tuple[Bools, Bools]]:
     """(3m,) low·n + high of the vertices of each half-edge, and which run from low to high, which from high to low."""
-    tails, heads = faces.reshape(-1), np.roll(faces, -1, axis=1).reshape(-1)
+    tails, heads = faces.reshape(-1), faces.take([1, 2, 0], axis=1).reshape(-1)
     keys = np.minimum(tails, heads)
     keys *= n
     keys += np.maximum(tails, heads)
