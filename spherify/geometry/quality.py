@@ -29,3 +29,14 @@ def inward_faces(V: Floats, F: Ints, centre: Floats) -> int:
         measures.gather(V, F[:, 0]) + measures.gather(V, F[:, 1]) + measures.gather(V, F[:, 2]) - 3 * centre
     )
     return int((measures.dot(measures.area_vectors(V, F), outward) <= 0).sum())
+
+
+def all_outward(V: Floats, F: Ints, centre: Floats, least_area: float) -> bool:
+    """Whether no face looks towards ``centre`` (3,), and none has less than ``least_area`` times the mean area."""
+    spokes = V - centre
+    a, b, c = (measures.gather(spokes, F[:, k]) for k in range(3))
+    vectors = measures.cross(b - a, c - a)
+    if not measures.dot(vectors, a).min() > 0:  # the same at each corner: edges have no part along the normal
+        return False
+    areas = measures.norm(vectors)
+    return bool(areas.min() >= least_area * areas.mean())

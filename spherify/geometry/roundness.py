@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
 from spherify.geometry import measures
 from spherify.geometry.mesh import Floats
 from spherify.geometry.topology import Topology
+
+NEARLY: Final = 0.7  # least over greatest radius; ellipsoids of sphericity 0.99 have 0.79
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +67,12 @@ def sphericity(area: float, volume: float) -> float:
 def radii(V: Floats, centre: Floats) -> Floats:
     """(n,) distances |p - c| of the vertices from ``centre`` (3,)."""
     return measures.norm(V - centre)
+
+
+def nearly_round(V: Floats, centre: Floats) -> bool:
+    """Whether all vertices V (n, 3) have nearly the same distance from ``centre`` (3,), be there folds or not."""
+    distances = radii(V, centre)
+    return bool(distances.min() >= NEARLY * distances.max())
 
 
 def radius_variation(V: Floats, centre: Floats, weights: Floats) -> float:

@@ -10,6 +10,7 @@ import pytest
 from spherify.geometry.config import Annealing, FlowConfig, Stage
 from spherify.geometry.errors import InvalidConfigError, InvalidMeshError
 from spherify.geometry.flow import StopReason, flow
+from spherify.geometry.kernels.reference import ReferenceEngine
 from spherify.geometry.mesh import TriangleMesh
 from spherify.geometry.presets import PRESETS
 from spherify.geometry.samples.solids import icosphere
@@ -91,6 +92,26 @@ class TestReasonsToStop:
         (only,) = run(mesh, ROBUST)
         assert only.stop_reason is StopReason.CONVERGED
         assert only.iteration == 0
+
+    def test_what_is_round_already_has_nothing_prepared_for_it(self, monkeypatch):
+        prepared, prepare = [], ReferenceEngine.prepare
+
+        def told(*given):
+            prepared.append(given)
+            return prepare(*given)
+
+        monkeypatch.setattr(ReferenceEngine, "prepare", told)
+        (only,) = flow(icosphere(6), ROBUST, engine="reference")
+        assert (only.stop_reason, prepared) == (StopReason.CONVERGED, [])
+        only.metrics()
+        assert len(prepared) == 1
+        states = flow(jittered(icosphere(6), 0.1), ROBUST, engine="reference")
+        next(states)
+        assert len(prepared) == 1
+        next(states)
+        assert len(prepared) == 2
+        flow(sample("stone", 200), ROBUST, engine="reference")
+        assert len(prepared) == 3
 
     def test_stalled(self):
         config = replace(ROBUST, annealing=Annealing(3, 0.5, 0.01), unfolding=None)

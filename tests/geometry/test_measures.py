@@ -10,7 +10,7 @@ import pytest
 from spherify.geometry import measures
 from spherify.geometry.curvature import vertex_curvature
 from spherify.geometry.mesh import TriangleMesh
-from spherify.geometry.quality import inward_faces, triangle_quality
+from spherify.geometry.quality import all_outward, inward_faces, triangle_quality
 from spherify.geometry.roundness import shape_of, sphericity
 from spherify.geometry.samples.solids import icosphere
 from spherify.geometry.topology import Topology
@@ -164,6 +164,20 @@ def test_degenerate_triangles_have_no_normal_and_no_quality():
     assert (triangle_quality(V, F) == 0).all()
     assert (measures.least_altitudes(V, F, measures.face_areas(V, F)) == 0).all()
     assert inward_faces(V, F, np.array([0.0, 0, -1])) == 2
+
+
+def test_whether_all_faces_look_outward_and_have_some_area():
+    mesh, centre = icosphere(4), np.array([0.1, 0.0, 0.0])
+    areas = measures.face_areas(mesh.vertices, mesh.faces)
+    least = float(areas.min() / areas.mean())
+    assert all_outward(mesh.vertices, mesh.faces, centre, 0.999 * least)
+    assert not all_outward(mesh.vertices, mesh.faces, centre, 1.001 * least)
+    turned = mesh.faces.copy()
+    turned[7] = turned[7][::-1]
+    assert not all_outward(mesh.vertices, turned, centre, 0.0)
+    flat = mesh.faces.copy()
+    flat[7, 1] = flat[7, 0]
+    assert not all_outward(mesh.vertices, flat, centre, 0.0)
 
 
 def test_inward_faces_are_counted_one_by_one():

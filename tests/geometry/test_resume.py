@@ -18,7 +18,7 @@ from spherify.geometry.flow import StopReason, flow
 from spherify.geometry.presets import PRESETS
 from spherify.geometry.progress import digest_of
 from spherify.geometry.samples.solids import icosphere
-from tests.geometry.shapes import open_bump, sample, tetrahedron
+from tests.geometry.shapes import jittered, open_bump, sample, tetrahedron
 
 ROBUST = PRESETS["robust"].config
 MESH = sample("non-convex-sphere", 252)
@@ -45,6 +45,7 @@ RUNS = {
     ),
     "pinching": (sample("sphere-bar", 300), ImplicitFlowConfig(100, "mean-curvature", 1e-3)),
     "converging": (MESH, replace(ROBUST, stop_radius_variation=0.02)),
+    "from nearly round": (jittered(icosphere(5), 0.1), replace(ROBUST, iterations=15)),
 }
 
 

@@ -11,7 +11,7 @@ from spherify.geometry.topology import Topology
 __all__ = ["Breakdown", "Method", "Standstill", "Step", "prepare"]
 
 
-def prepare(topology: Topology, config: Config, engine: Engine, *, unit: float) -> Method:
+def prepare(topology: Topology, config: Config, engine: Engine, *, unit: float, later: bool) -> Method:
     """Prepare the method a configuration is of.
 
     Args:
@@ -19,10 +19,11 @@ def prepare(topology: Topology, config: Config, engine: Engine, *, unit: float) 
         config: parameters.
         engine: who computes the transformation; the flows have one engine only.
         unit: the length of the mesh's own unit in the run's frame.
+        later: whether to leave what takes long until it is needed, if it ever is; the topology is kept until then.
 
     """
     if isinstance(config, FlowConfig):
-        return CurvatureTransformation(topology, config, engine, unit=unit)
+        return CurvatureTransformation(topology, config, engine, unit=unit, later=later)
     # Loads scipy's solvers, which take longer than a small mesh does: only when they are asked for.
     from spherify.geometry.methods.implicit import ImplicitFlow  # noqa: PLC0415
 

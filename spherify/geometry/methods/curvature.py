@@ -13,13 +13,14 @@ schemes", 2015.
 from __future__ import annotations
 
 import math
+from functools import cached_property
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from spherify.geometry import measures
 from spherify.geometry.ascent import MOMENTUM
-from spherify.geometry.config import LATE, FlowConfig, Stage
+from spherify.geometry.config import LATE, FlowConfig, Stage, Unfolding
 from spherify.geometry.kernels import Engine, Kernel
 from spherify.geometry.mesh import Floats
 from spherify.geometry.methods.control import (
@@ -80,22 +81,41 @@ class Next(NamedTuple):
 class CurvatureTransformation:
     """T on one mesh, see `spherify.geometry.methods.interface.Method`."""
 
-    def __init__(self, topology: Topology, config: FlowConfig, engine: Engine, *, unit: float) -> None:
-        """Prepare it; ``unit`` is the length of the mesh's own unit in the frame."""
+    def __init__(
+        self, topology: Topology, config: FlowConfig, engine: Engine, *, unit: float, later: bool
+    ) -> None:
+        """Prepare it, or ``later``; ``unit`` is the length of the mesh's own unit in the frame."""
         self._n = topology.n_vertices
         self._config = config
-        ball = topology.closed and topology.euler == 2 and topology.n_components == 1
-        self._unfolding = config.unfolding if ball else None
-        self._rounds = 0 if self._unfolding is None else self._unfolding.rounds
-        self._exponent = 0.0 if self._unfolding is None else self._unfolding.exponent
+        self._weighed = config.unfolding is not None and topology.closed and topology.euler == 2
+        self._rounds = 0 if config.unfolding is None else config.unfolding.rounds
+        self._exponent = 0.0 if config.unfolding is None else config.unfolding.exponent
         self._folds: Unfolded | None = None  # of the last iteration, for `remember`
         self._read: tuple[Memory, Control] | None = None  # of the last state that was asked about
         self._decided: tuple[Progress, Next] | None = None  # what follows a state
-        self._kernel: Kernel = engine.prepare(topology, config)
+        self._engine, self._topology = engine, topology
         self._unit = unit
         self._initial_mean_edge = 0.0
         self._measures_edges = True  # at the start, whatever the unit of the step
         self.computed_by = engine.name
+        if not later:
+            _ = self._prepared
+
+    @cached_property
+    def _prepared(self) -> tuple[Kernel, Unfolding | None]:
+        """What computes, and how what folds is unfolded, None if at all; when first needed: of a sphere neither is."""
+        ball = self._weighed and self._topology.n_components == 1
+        kernel = self._engine.prepare(self._topology, self._config)
+        del self._topology  # which takes as much memory as what was made of it
+        return kernel, self._config.unfolding if ball else None
+
+    @property
+    def _kernel(self) -> Kernel:
+        return self._prepared[0]
+
+    @property
+    def _unfolding(self) -> Unfolding | None:
+        return self._prepared[1]
 
     @property
     def layout(self) -> Layout:
@@ -105,7 +125,7 @@ class CurvatureTransformation:
             "previous": ((n, 3), np.float64),
             "control": ((len(Control._fields),), np.float64),
             "centre": ((3,), np.float64),
-            "log_weights": ((0 if self._unfolding is None else n,), np.float64),
+            "log_weights": ((n if self._weighed else 0,), np.float64),
         }
 
     def shape(self, V: Floats) -> Shape:
