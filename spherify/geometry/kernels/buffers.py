@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spherify.geometry.kernels.passes import rings, selection, shape, whole
-from spherify.geometry.kernels.passes.types import Buffers, Scratch
+from spherify.geometry.kernels.passes import meeting, rings, selection, shape, whole
+from spherify.geometry.kernels.passes.types import FOUND, Buffers, Scratch
 from spherify.geometry.kernels.passes.wide import LANES
 from spherify.geometry.mesh import Floats
 
@@ -60,6 +60,8 @@ def buffers(n: int, n_held: int, n_runs: int, n_parts: int = 1) -> Buffers:
         samples=np.empty((n_parts, selection.SAMPLE)),
         sums=np.empty((n_runs, whole.SUMS)),
         whole=np.empty(whole.RESULTS),
+        found=np.empty((n_parts + 1, FOUND)),
+        meeting=np.zeros(meeting.SIZE, dtype=np.int64),
     )
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from spherify.geometry.config import FlowConfig, Stage
 from spherify.geometry.kernels.buffers import buffers, scratch
-from spherify.geometry.kernels.faces import ALONE, Faces
+from spherify.geometry.kernels.faces import Faces
 from spherify.geometry.kernels.numbering import Numbering
 from spherify.geometry.kernels.passes import shape
 from spherify.geometry.kernels.passes.ascent import ascend
@@ -31,18 +31,14 @@ from spherify.geometry.kernels.passes.step import work
 from spherify.geometry.kernels.passes.types import (
     AHEAD,
     CENTRE,
-    COLLECT,
     CONSTANT,
-    COUNT,
     EXTREMES,
     HOLD,
     INTEGRATE,
     MEASURES,
     MOVE,
-    MOVED,
     NOT_FINITE,
     RADII,
-    RELAX,
     RING,
     ROWS,
     SCALE,
@@ -62,8 +58,8 @@ from spherify.geometry.metrics import Figures
 from spherify.geometry.roundness import Shape
 from spherify.geometry.topology import Topology
 
-ALONE_CURVED: Final = ROWS + VERTICES + COUNT + COLLECT + EXTREMES  # by a thread that has all parts
-BY_RINGS: Final = (INTEGRATE, CENTRE, RADII, VARIATION)
+CURVED: Final = ROWS + VERTICES + EXTREMES
+BY_RINGS: Final = INTEGRATE + CENTRE + RADII + VARIATION
 ENTRIES: Final[Sequence[Callable[..., Any]]] = (
     walk,
     by_levels,
@@ -78,7 +74,7 @@ ENTRIES: Final[Sequence[Callable[..., Any]]] = (
     see,
 )
 """All that Python calls."""
-WORTH_SHARING: Final = 20_000  # vertices; below, handing out the parts takes as long as they do
+WORTH_SHARING: Final = 8_000  # vertices; below, handing out the parts takes as long as they do
 
 
 class CompiledKernel:
@@ -100,14 +96,13 @@ class CompiledKernel:
             step_bound=float(config.step_bound),
             relaxation_exponent=float(config.relaxation_exponent),
         )
-        self._chooses = config.window[0] > 0 or config.window[1] < 100
         self._faces = Faces(self._mesh.corners, self._parts, self._team, closed=topology.closed)
         self._has_rings = bool((self._mesh.runs[:, 2] == RING).all())
         # What T does next begins with the very rings of what is measured, if nothing is done in between.
         nothing_between = config.momentum == 0 and config.rescale == "none"
         plain = config.step_bound == 0 and config.relaxation == 0
         self._goes_on = nothing_between and plain
-        self._curved: list[Found] | None = None  # of the positions loaded, part by part, as long as they stay
+        self._curved: Found | None = None  # of the positions loaded, as long as they stay
         self._positions = Positions(self._use.position, self._numbering, self._parts, self._team)
         self._previous = Positions(self._use.previous, self._numbering, self._parts, self._team)
         mesh, use, mode = self._mesh, self._use, self._mode
@@ -164,7 +159,7 @@ class CompiledKernel:
         """See `spherify.geometry.kernels.interface.Kernel.transform_radially`."""
         self._load(V)
         for along in [step] * stage.k_in + [-step] * stage.k_out:
-            found = self._curvature(Task(0, *self._parts[0], 1, 0, step, 0.0))
+            found = self._together(self._task(passes=CURVED, k_in=1))
             if found.end == CONSTANT:
                 return None
             if found.end == NOT_FINITE:
@@ -193,8 +188,8 @@ class CompiledKernel:
         """See `spherify.geometry.kernels.interface.Kernel.figures`."""
         curved = self._load(V, to_move=False)
         if curved is None:
-            curved = self._curved = self._all_curved(Task(0, *self._parts[0], 1, 0, 0.0, 0.0), VERTICES)
-        if any(part.end == NOT_FINITE for part in curved):
+            curved = self._curved = self._together(self._task(passes=ROWS + VERTICES, k_in=1))
+        if curved.end == NOT_FINITE:
             return self._reference.figures(V, centre)
         return self._faces.figures(self._use.position, centre, curved)
 
@@ -202,7 +197,7 @@ class CompiledKernel:
         """See `spherify.geometry.kernels.interface.Kernel.scaled`."""
         self._load(V)
         cx, cy, cz = centre.tolist()
-        self._together(self._task(centre=(cx, cy, cz), factor=float(factor)), SCALE)
+        self._together(self._task(passes=SCALE, centre=(cx, cy, cz), factor=float(factor)))
         return self._positions.unloaded()
 
     def _go_ahead(self, V: Floats, previous: Floats, momentum: float) -> None:
@@ -211,107 +206,52 @@ class CompiledKernel:
             self._use = self._use._replace(previous=np.empty_like(self._use.position))
             self._previous = Positions(self._use.previous, self._numbering, self._parts, self._team)
         self._previous.load(previous)
-        self._together(self._task(momentum=momentum), AHEAD)
+        self._together(self._task(passes=AHEAD, momentum=momentum))
         self._previous.hold(V)
 
-    def _task(self, **others: Any) -> Task:  # noqa: ANN401 - the rest of a Task
-        """Return a task of no elementary step, for the first part."""
-        return Task(0, *self._parts[0], 0, 0, 0.0, 0.0, **others)
-
-    def _load(self, V: Floats, *, to_move: bool = True) -> list[Found] | None:
+    def _load(self, V: Floats, *, to_move: bool = True) -> Found | None:
         """Load positions, see `Positions.load`; return what is known of their curvature, then in the buffers."""
         there = self._positions.load(V, to_move=to_move)
         curved = self._curved if there else None
         self._curved = None if to_move else curved
         return curved
 
-    def _moved(self, stage: Stage, step: float, relaxation: float, curved: list[Found] | None) -> int:
+    def _moved(self, stage: Stage, step: float, relaxation: float, curved: Found | None) -> int:
         """Apply T to the positions loaded, of which the curvature may be known; return how it ended."""
-        if relaxation > 0:
-            curved = None  # the areas, which it weighs, are not
-        task = Task(ALONE_CURVED + MOVE + HOLD, *self._parts[0], stage.k_in, stage.k_out, step, relaxation)
-        relaxing = RELAX if relaxation > 0 else 0
+        task = self._task(
+            passes=CURVED + MOVE + HOLD,
+            k_in=stage.k_in,
+            k_out=stage.k_out,
+            step=step,
+            relaxation=relaxation,
+        )
+        if curved is not None and relaxation <= 0:  # which weighs areas, that are not known
+            if curved.end == NOT_FINITE:
+                return NOT_FINITE
+            task = task._replace(known=True, K_min=curved.K_min, K_max=curved.K_max)
+        return self._together(task).end
+
+    def _task(self, **others: Any) -> Task:  # noqa: ANN401 - the rest of a Task
+        """Return a task of the first part, of no elementary step unless told otherwise."""
+        nothing: dict[str, Any] = {"passes": 0, "k_in": 0, "k_out": 0, "step": 0.0, "relaxation": 0.0}
+        return Task(**self._parts[0]._asdict(), parts=len(self._parts), **{**nothing, **others})
+
+    def _together(self, task: Task) -> Found:
+        """Do something, each thread its part; what they have found, which is the same."""
         if len(self._parts) == 1:
-            task = task._replace(passes=task.passes + relaxing)
-            if curved is not None:
-                if curved[0].end == NOT_FINITE:
-                    return NOT_FINITE
-                task = task._replace(known=True, K_min=curved[0].K_min, K_max=curved[0].K_max)
-            return int(self._work((0, task)).end)
-        for i, outward in enumerate([0] * stage.k_in + [1] * stage.k_out):
-            one = task._replace(k_in=1 - outward, k_out=outward)
-            found, curved = self._curvature(one, curved, rows=i > 0), None
-            if found.end != MOVED:
-                return found.end
-            self._together(one._replace(K_min=found.K_min, K_max=found.K_max, greatest=found.greatest), MOVE)
-            if relaxing:
-                self._together(one, RELAX)
-            if len(self._mesh.held):
-                self._work((0, one._replace(passes=HOLD)))
-        return MOVED
-
-    def _curvature(self, one: Task, parts: list[Found] | None = None, *, rows: bool = False) -> Found:
-        """Compute curvature and normals of the positions loaded, if not known; return the extremes of the window.
-
-        Args:
-            one: has the step.
-            parts: what is known.
-            rows: whether the rows of the positions are written.
-
-        """
-        if len(self._parts) == 1:
-            return self._work((0, one._replace(passes=ALONE_CURVED)))
-        if parts is None:
-            parts = self._together(one, VERTICES) if rows else self._all_curved(one, VERTICES)
-        if any(part.end == NOT_FINITE for part in parts):
-            return Found(NOT_FINITE, np.nan, np.nan, 0.0)
-        lowest, highest = min(part.K_min for part in parts), max(part.K_max for part in parts)
-        one = one._replace(K_min=lowest, K_max=highest)
-        for passes in (COUNT, COLLECT) if self._chooses else ():
-            self._together(one, passes)
-        found = self._work((0, one._replace(passes=EXTREMES)))
-        return found._replace(greatest=max(part.greatest for part in parts))
-
-    def _all_curved(self, task: Task, passes: int) -> list[Found]:
-        """Do the pass over the vertices, of positions that were loaded."""
-        if len(self._parts) == 1:
-            return self._together(task, ROWS + passes)
-        self._together(task, ROWS)
-        return self._together(task, passes)
-
-    def _together(self, task: Task, passes: int) -> list[Found]:
-        """Do one pass of an elementary step, each thread its part."""
-        tasks = [
-            task._replace(
-                passes=passes,
-                part=number,
-                first=part.first,
-                last=part.last,
-                first_run=part.first_run,
-                last_run=part.last_run,
-            )
-            for number, part in enumerate(self._parts)
-        ]
-        return self._team.each(self._work, list(enumerate(tasks)))
+            return self._work((0, task))
+        tasks = [task._replace(part=number, **part._asdict()) for number, part in enumerate(self._parts)]
+        return self._team.each(self._work, list(enumerate(tasks)))[0]
 
     def _work(self, numbered: tuple[int, Task]) -> Found:
         thread, task = numbered
         found: Found = self._code(self._mesh, self._use, self._scratch[thread], self._mode, task)
         return found
 
-    def _measured_by_rings(self, *, edges: bool) -> list[Found] | None:
+    def _measured_by_rings(self, *, edges: bool) -> Found | None:
         """Measure the positions loaded, along with curvature and normals if the next step begins with them."""
         along = VERTICES if self._goes_on and not edges else 0
-        task = Task(ROWS + along + sum(BY_RINGS), *self._parts[0], 1, 0, 0.0, 0.0)
-        if len(self._parts) == 1:
-            found = [self._work((0, task))]
-        else:
-            found = self._all_curved(task, along + BY_RINGS[0])
-            for passes in BY_RINGS[1:]:
-                if passes in ALONE:
-                    self._work((0, task._replace(passes=passes)))
-                else:
-                    self._together(task, passes)
+        found = self._together(self._task(passes=ROWS + along + BY_RINGS, k_in=1))
         return found if along else None
 
 

@@ -37,7 +37,7 @@ class Faces:
             self._team.each(work, self._parts[: 1 if passes in ALONE else None])
         return self.space.result
 
-    def figures(self, position: Floats, centre: Floats, curved: list[Found]) -> Figures:
+    def figures(self, position: Floats, centre: Floats, curved: Found) -> Figures:
         """Return the figures of positions (3, n) about ``centre`` (3,), of which the curvature is known."""
         judged = self._team.each(partial(self._judge, position=position, centre=centre), self._parts)
         worst, smallest, nearest, farthest = zip(*judged, strict=True)
@@ -45,8 +45,8 @@ class Faces:
         mean_area = float(sums[AREA]) / faces
         return Figures(
             radius_ratio=min(nearest) / max(farthest) if max(farthest) > 0 else 0.0,
-            curvature_min=min(part.K_min for part in curved),
-            curvature_max=max(part.K_max for part in curved),
+            curvature_min=curved.K_min,
+            curvature_max=curved.K_max,
             mean_quality=float(sums[QUALITY]) / faces,
             least_quality=min(worst),
             inward_faces=int(sums[INWARD]),

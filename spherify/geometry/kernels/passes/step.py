@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from spherify.geometry.kernels.passes.jit import entry, inner
+from spherify.geometry.kernels.passes.meeting import wait_for_all
 from spherify.geometry.kernels.passes.movement import Along, go_ahead, move, scale, write_rows
 from spherify.geometry.kernels.passes.relaxation import relax, weigh
 from spherify.geometry.kernels.passes.selection import collect_part, count_part, is_inner, percentiles
@@ -12,9 +13,7 @@ from spherify.geometry.kernels.passes.totals import greatest_of
 from spherify.geometry.kernels.passes.types import (
     AHEAD,
     CENTRE,
-    COLLECT,
     CONSTANT,
-    COUNT,
     EXTREMES,
     HOLD,
     INTEGRATE,
@@ -22,7 +21,6 @@ from spherify.geometry.kernels.passes.types import (
     MOVED,
     NOT_FINITE,
     RADII,
-    RELAX,
     ROWS,
     SCALE,
     VARIATION,
@@ -46,25 +44,48 @@ def least_width(lowest: float, highest: float) -> float:
 
 
 @inner
-def choose(use: Buffers, mode: Mode, task: Task, lowest: float, highest: float) -> None:
-    """Go as far towards the percentiles as can be shared out, if they are wanted."""
-    if is_inner(mode.window) and highest - lowest > least_width(lowest, highest):
-        if task.passes & COUNT:
-            count_part(use.curvature, lowest, highest, use, task.part, task.first, task.last)
-        if task.passes & COLLECT:
-            collect_part(use.curvature, mode.window, use, task.first, task.last)
+def meet(use: Buffers, task: Task) -> None:
+    """Wait until all threads have come here."""
+    if task.parts > 1:
+        wait_for_all(use.meeting, task.parts)
 
 
 @inner
-def extremes(use: Buffers, mode: Mode, lowest: float, highest: float) -> tuple[float, float]:
-    """Return K_min and K_max of the window, after `choose`; the same twice if the curvature is constant."""
+def agreed(
+    use: Buffers, task: Task, K_min: float, K_max: float, greatest: float, finite: bool
+) -> tuple[float, float, float, bool]:
+    """Return the extremes of what the threads have found, the same to each.
+
+    Before this is done again there is another meeting.
+    """
+    if task.parts > 1:
+        mine = use.found[task.part]
+        mine[0], mine[1], mine[2], mine[3] = K_min, K_max, greatest, 1.0 if finite else 0.0
+        wait_for_all(use.meeting, task.parts)
+        for part in range(task.parts):
+            other = use.found[part]
+            K_min, K_max, greatest = min(K_min, other[0]), max(K_max, other[1]), max(greatest, other[2])
+            finite = finite and other[3] != 0
+    return K_min, K_max, greatest, finite
+
+
+@inner
+def extremes(use: Buffers, mode: Mode, task: Task, lowest: float, highest: float) -> tuple[float, float]:
+    """Return K_min and K_max of the window; the same twice if the curvature is constant."""
     width = least_width(lowest, highest)
     if highest - lowest <= width:
         return lowest, lowest
     if is_inner(mode.window):
-        K_min, K_max = percentiles(use.curvature, highest, mode.window, use)
-        if K_max - K_min > width:
-            return K_min, K_max
+        count_part(use.curvature, lowest, highest, use, task.part, task.first, task.last)
+        meet(use, task)
+        collect_part(use.curvature, mode.window, use, task.first, task.last)
+        meet(use, task)
+        of_all = use.found[task.parts]
+        if task.part == 0:
+            of_all[0], of_all[1] = percentiles(use.curvature, highest, mode.window, use)
+        meet(use, task)
+        if of_all[1] - of_all[0] > width:
+            return of_all[0], of_all[1]
     return lowest, highest
 
 
@@ -84,13 +105,16 @@ def hold(mesh: Connectivity, use: Buffers, back: bool) -> None:
 def measure(mesh: Connectivity, use: Buffers, scratch: Scratch, task: Task) -> None:
     """Go on from the sums that INTEGRATE has left to the figures of the surface, if they are wanted."""
     if task.passes & CENTRE:
-        centre(use.position, use.sums, PER_VERTEX, use.whole)
+        if task.part == 0:
+            centre(use.position, use.sums, PER_VERTEX, use.whole)
+        meet(use, task)
     if task.passes & RADII:
         first, second = scratch.rows[0], scratch.rows[1]
         for r in range(task.first_run, task.last_run):
             low, last = mesh.runs[r, 0], mesh.runs[r, 1]
             spread_run(use.position, use.area, use.whole, first, second, use.sums[r], low, last)
-    if task.passes & VARIATION:
+        meet(use, task)
+    if task.passes & VARIATION and task.part == 0:
         variation(use.sums, PER_VERTEX, use.whole)
 
 
@@ -107,6 +131,7 @@ def see_vertices(
     K_min, K_max, greatest, finite = task.K_min, task.K_max, task.greatest, True
     if task.passes & ROWS and i == 0:
         write_rows(use, task.first, task.last)
+        meet(use, task)
     if task.passes & VERTICES:
         weighed, measured = task.relaxation > 0, task.passes & INTEGRATE != 0
         K_min, K_max, finite = vertex_pass(
@@ -120,41 +145,55 @@ def see_vertices(
     return K_min, K_max, greatest, finite
 
 
+@inner
+def move_some(mesh: Connectivity, use: Buffers, mode: Mode, task: Task, found: Found, outward: bool) -> None:
+    """Move the vertices of a part, and relax them; then all threads are done with that."""
+    weighed = task.relaxation > 0
+    if weighed:
+        weigh(use.area, mode.relaxation_exponent, found.greatest, task.first, task.last)
+    along = Along(
+        found.K_min, found.K_max - found.K_min, task.step,
+        np.uint64(outward), mode.step_bound, np.uint64(mode.step_bound > 0),
+    )  # fmt: skip
+    move(use, along, weighed, task.first, task.last)
+    meet(use, task)
+    if weighed:
+        relax(mesh, use, task.relaxation, task.first_run, task.last_run)
+        meet(use, task)
+
+
 @entry
 def work(mesh: Connectivity, use: Buffers, scratch: Scratch, mode: Mode, task: Task) -> Found:
-    """Apply T to ``use.position``, or do one thread's part of one pass of an elementary step or of a measurement.
+    """Apply T to ``use.position``, or some of its passes, or measure: all of it, or one thread's part.
 
     One function for all: what takes long to compile, the vertices, is compiled once. See `Task`.
     """
     end, found = MOVED, Found(MOVED, np.inf, -np.inf, 0.0)
+    holds = task.passes & HOLD != 0 and mesh.held.size > 0
     if task.passes & AHEAD:
         go_ahead(use.position, use.previous, task.momentum, task.first, task.last)
     if task.passes & SCALE:
         scale(use.position, task.centre, task.factor, task.first, task.last)
     for i in range(task.k_in + task.k_out):
-        K_min, K_max, greatest = task.K_min, task.K_max, task.greatest
+        K_min, K_max, greatest, finite = task.K_min, task.K_max, task.greatest, True
+        if holds and task.part == 0:
+            hold(mesh, use, False)
         if i > 0 or not task.known:
             K_min, K_max, greatest, finite = see_vertices(mesh, use, scratch, mode, task, i)
-            end = MOVED if finite else NOT_FINITE
+        K_min, K_max, greatest, finite = agreed(use, task, K_min, K_max, greatest, finite)
         measure(mesh, use, scratch, task)
-        if end == MOVED:
-            choose(use, mode, task, K_min, K_max)
-        if task.passes & EXTREMES and end == MOVED:
-            K_min, K_max = extremes(use, mode, K_min, K_max)
+        if not finite:
+            end = NOT_FINITE
+        elif task.passes & EXTREMES:
+            K_min, K_max = extremes(use, mode, task, K_min, K_max)
             end = MOVED if K_min < K_max else CONSTANT
-            hold(mesh, use, False)
         found = Found(end, K_min, K_max, greatest)
         if end != MOVED:
             break
         if task.passes & MOVE:
-            weighed = task.relaxation > 0
-            if weighed:
-                weigh(use.area, mode.relaxation_exponent, greatest, task.first, task.last)
-            outward, bounded = np.uint64(i >= task.k_in), np.uint64(mode.step_bound > 0)
-            along = Along(K_min, K_max - K_min, task.step, outward, mode.step_bound, bounded)
-            move(use, along, weighed, task.first, task.last)
-        if task.passes & RELAX:
-            relax(mesh, use, task.relaxation, task.first_run, task.last_run)
-        if task.passes & HOLD:
-            hold(mesh, use, True)
+            move_some(mesh, use, mode, task, found, i >= task.k_in)
+        if holds:
+            if task.part == 0:
+                hold(mesh, use, True)
+            meet(use, task)
     return found

@@ -23,25 +23,22 @@ NOT_FINITE: Final = 2  # a curvature is not a number, or infinite
 
 # The passes of an elementary step, in this order; a task names some.
 VERTICES: Final = 1
-EXTREMES: Final = 2  # by one thread
+EXTREMES: Final = 2
 MOVE: Final = 4
-RELAX: Final = 8
-HOLD: Final = 16  # by one thread
+HOLD: Final = 16
 # Those of a measurement of the surface by its rings, in this order.
 INTEGRATE: Final = 32  # along with VERTICES, or by itself
-CENTRE: Final = 64  # by one thread
+CENTRE: Final = 64
 RADII: Final = 128
-VARIATION: Final = 256  # by one thread
+VARIATION: Final = 256
 # Those that move all vertices alike.
 AHEAD: Final = 512
 SCALE: Final = 1024
-# Those before EXTREMES where the window leaves something out, in this order.
-COUNT: Final = 2048
-COLLECT: Final = 4096
-# Before VERTICES, unless positions are as MOVE and what follows it have left them.
-ROWS: Final = 8192
+# Before VERTICES or INTEGRATE, unless positions are as MOVE and what follows it have left them.
+ROWS: Final = 2048
 
 NONE: Final = 0xFFFFFFFF  # no such index
+FOUND: Final = 4  # numbers a part has found
 RING: Final = 1  # the neighbours of a run are in order, all around; 0: they are in any
 
 
@@ -92,6 +89,8 @@ class Buffers(NamedTuple):
         samples: (parts, SAMPLE) of the selection.
         sums: (r, SUMS) of the vertices of each run; see `spherify.geometry.kernels.passes.whole`.
         whole: (RESULTS,) of all of them.
+        found: (parts + 1, FOUND) what each thread has found of its part, and one of them of all.
+        meeting: (SIZE,) see `spherify.geometry.kernels.passes.meeting`.
 
     """
 
@@ -111,6 +110,8 @@ class Buffers(NamedTuple):
     samples: Floats
     sums: Floats
     whole: Floats
+    found: Floats
+    meeting: Ints
 
 
 class Scratch(NamedTuple):
@@ -139,7 +140,7 @@ class Task(NamedTuple):
     """What `spherify.geometry.kernels.passes.step.work` is to do, in ``k_in`` inward and ``k_out`` outward steps.
 
     Attributes:
-        passes: VERTICES + …; all of them for one thread, one at a time for several.
+        passes: VERTICES + …
         known: whether the first step begins with curvature and normals as they are, its extremes ``K_min``, ``K_max``.
         first: first vertex of the part.
         last: one behind its last.
@@ -155,7 +156,8 @@ class Task(NamedTuple):
         momentum: of AHEAD.
         centre: of SCALE, three coordinates.
         factor: likewise.
-        part: which of them, of COUNT.
+        part: which of them.
+        parts: how many threads do the same at once, a part each.
 
     """
 
@@ -176,14 +178,15 @@ class Task(NamedTuple):
     centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
     factor: float = 1.0
     part: int = 0
+    parts: int = 1
 
 
 class Found(NamedTuple):
-    """What a task has found, of the last elementary step.
+    """What a task has found, of the last elementary step: the same for all parts.
 
     Attributes:
         end: MOVED; or CONSTANT or NOT_FINITE, if the curvature became so, and the positions mean nothing.
-        K_min: least K of the part, or that of the window after EXTREMES.
+        K_min: least K, or that of the window after EXTREMES.
         K_max: greatest.
         greatest: area at a vertex.
 
