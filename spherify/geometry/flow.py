@@ -215,7 +215,7 @@ class _Run:
             self._rescale = "none" if config.boundary == "fixed" or config.rescale == "none" else "area"
         self.frame = Frame.around(mesh.vertices)
         # Of what is round already nothing is computed, nor prepared for it, which takes ten times as long.
-        already = nearly_round(mesh.vertices, self.frame.origin)
+        already = nearly_round(self.frame.inside(mesh.vertices), np.zeros(3))  # squares overflow outside
         self.method = prepare(topology, config, engine, unit=1 / self.frame.scale, later=already)
         measure = partial(shape_of, topology=topology) if already else self.method.shape
         del topology  # which takes as much memory as what was made of it

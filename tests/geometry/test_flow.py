@@ -113,6 +113,12 @@ class TestReasonsToStop:
         flow(sample("stone", 200), ROBUST, engine="reference")
         assert len(prepared) == 3
 
+    @pytest.mark.parametrize("unit", [1e-200, 1e200])
+    def test_what_is_round_already_may_be_of_any_size(self, unit):
+        mesh = icosphere(6)
+        (only,) = flow(TriangleMesh(unit * mesh.vertices, mesh.faces), ROBUST, engine="reference")
+        assert only.stop_reason is StopReason.CONVERGED
+
     def test_stalled(self):
         config = replace(ROBUST, annealing=Annealing(3, 0.5, 0.01), unfolding=None)
         last = run(sample("cube", 26), config)[-1]

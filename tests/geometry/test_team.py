@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import gc
+import os
+import signal
 import threading
 
 import pytest
@@ -50,3 +52,14 @@ def test_the_threads_go_with_the_team():
     for helper in helpers:
         helper.join(timeout=60)
     assert not any(helper.is_alive() for helper in helpers)
+
+
+@pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")
+def test_a_forked_process_has_threads_of_its_own():
+    team = Team(3)
+    team.each(abs, range(3))
+    if not (child := os.fork()):
+        signal.alarm(60)  # ends it if it waits for threads that stayed behind
+        os._exit(0 if team.each(abs, [-1, -2, -3]) == [1, 2, 3] else 1)
+    assert os.waitpid(child, 0)[1] == 0
+    assert team.each(abs, [-1, -2]) == [1, 2]

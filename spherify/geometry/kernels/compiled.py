@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from functools import cached_property
+from functools import cached_property, partial
+from operator import call
 from typing import Any, Final
 
 import numpy as np
@@ -238,15 +239,16 @@ class CompiledKernel:
 
     def _together(self, task: Task) -> Found:
         """Do something, each thread its part; what they have found, which is the same."""
+        mesh, use, mode = self._mesh, self._use, self._mode
         if len(self._parts) == 1:
-            return self._work((0, task))
+            return Found(*self._code(mesh, use, self._scratch[0], mode, task))
         tasks = [task._replace(part=number, **part._asdict()) for number, part in enumerate(self._parts)]
-        return self._team.each(self._work, list(enumerate(tasks)))[0]
-
-    def _work(self, numbered: tuple[int, Task]) -> Found:
-        thread, task = numbered
-        found: Found = self._code(self._mesh, self._use, self._scratch[thread], self._mode, task)
-        return found
+        # No line of Python on the way into the machine code, where the others wait for whoever has not come.
+        parts = [
+            partial(self._code, mesh, use, own, mode, part)
+            for own, part in zip(self._scratch, tasks, strict=True)
+        ]
+        return Found(*self._team.each(call, parts)[0])
 
     def _measured_by_rings(self, *, edges: bool) -> Found | None:
         """Measure the positions loaded, along with curvature and normals if the next step begins with them."""

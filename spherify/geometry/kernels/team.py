@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
+from functools import partial
+from operator import call
 from queue import SimpleQueue
 from threading import Lock, Thread
 from typing import Any, Generic, TypeAlias, TypeVar
@@ -23,12 +26,15 @@ class Team:
 
     def __init__(self, threads: int) -> None:
         self.threads = threads
-        self._handed_out: _Queue | None = (
-            None  # until there is something to do: a fork takes no threads along
-        )
+        # None until there is something to do; a fork takes no threads along, and the other process has its own.
+        self._handed_out: _Queue | None = None
+        self._process = 0
 
     def each(self, work: Callable[[Part], Result], parts: Sequence[Part]) -> list[Result]:
         """Do all parts at once, the first one in the caller's thread; the results in the order of the parts.
+
+        Parts may wait for each other, if ``work`` is not written in Python: what a signal's handler raises, as Ctrl+C
+        does, then comes before the first is handed out or after the caller's own is done, never in between.
 
         Raises:
             BaseException: whatever the first part raises, else the next one; all are done with by then.
@@ -36,13 +42,14 @@ class Team:
         """
         if self.threads == 1:
             return [work(part) for part in parts]
-        if self._handed_out is None:
-            self._handed_out = self._gathered()
+        if self._handed_out is None or self._process != os.getpid():
+            self._process, self._handed_out = os.getpid(), self._gathered()
         others = [_Handed(work, part) for part in parts[1:]]
-        for other in others:
-            self._handed_out.put(other)
+        to_do: list[Callable[[], Any]] = [partial(self._handed_out.put, other) for other in others]
+        to_do.append(partial(work, parts[0]))
         try:
-            first = work(parts[0])
+            # One call to Python's eyes: handlers of signals run between two.
+            first: Result = list(map(call, to_do))[-1]
         finally:
             for other in others:
                 other.done.acquire()

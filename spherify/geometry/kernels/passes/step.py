@@ -163,10 +163,17 @@ def move_some(mesh: Connectivity, use: Buffers, mode: Mode, task: Task, found: F
 
 
 @entry
-def work(mesh: Connectivity, use: Buffers, scratch: Scratch, mode: Mode, task: Task) -> Found:
+def work(
+    mesh: Connectivity, use: Buffers, scratch: Scratch, mode: Mode, task: Task
+) -> tuple[int, float, float, float]:
     """Apply T to ``use.position``, or some of its passes, or measure: all of it, or one thread's part.
 
     One function for all: what takes long to compile, the vertices, is compiled once. See `Task`.
+
+    Returns:
+        what `Found` has, as a plain tuple: numba makes a named one by way of Python, where a signal's handler may run
+        and raise, and then goes on without it, to a segmentation fault.
+
     """
     end, found = MOVED, Found(MOVED, np.inf, -np.inf, 0.0)
     holds = task.passes & HOLD != 0 and mesh.held.size > 0
@@ -196,4 +203,4 @@ def work(mesh: Connectivity, use: Buffers, scratch: Scratch, mode: Mode, task: T
             if task.part == 0:
                 hold(mesh, use, True)
             meet(use, task)
-    return found
+    return found.end, found.K_min, found.K_max, found.greatest
