@@ -47,9 +47,10 @@ class Team:
         others = [_Handed(work, part) for part in parts[1:]]
         to_do: list[Callable[[], Any]] = [partial(self._handed_out.put, other) for other in others]
         to_do.append(partial(work, parts[0]))
+        doing = map(call, to_do)
         try:
-            # One call to Python's eyes: handlers of signals run between two.
-            first: Result = list(map(call, to_do))[-1]
+            # One call to Python's eyes, and none before it: handlers of signals run between two.
+            first: Result = list(doing)[-1]
         finally:
             for other in others:
                 other.done.acquire()
