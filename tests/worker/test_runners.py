@@ -81,7 +81,8 @@ def order(
 def events_of(runner: Runner) -> list[dict[str, Any]]:
     """Return all that a runner says, till it ends."""
     heard: list[dict[str, Any]] = []
-    wait_for(lambda: heard.extend(runner.events(0.1)) or runner.ended)
+    # Where the server has only just been started, it imports everything first: long on a machine that is very busy.
+    wait_for(lambda: heard.extend(runner.events(0.1)) or runner.ended, limit_s=90, what="the end of a runner")
     return heard
 
 
