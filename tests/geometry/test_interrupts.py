@@ -29,10 +29,17 @@ def interrupted():
 
 
 def until_interrupted(do: Callable[[], object], microseconds: int) -> None:
-    """Do something again and again until the timer says that so much time has passed."""
-    signal.setitimer(signal.ITIMER_REAL, microseconds * 1e-6)
-    while True:
-        do()
+    """Do something again and again until the timer says that so much time has passed.
+
+    It says so again a second later: what is raised within a callback of the garbage collector, as libraries for tests
+    have one, Python lets go.
+    """
+    signal.setitimer(signal.ITIMER_REAL, microseconds * 1e-6, 1.0)
+    try:
+        while True:
+            do()
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
 
 
 @pytest.mark.usefixtures("interrupted")
