@@ -77,6 +77,8 @@ ENTRIES: Final[Sequence[Callable[..., Any]]] = (
 """All that Python calls."""
 WORTH_SHARING: Final = 8_000  # vertices; below, handing out the parts takes as long as they do
 
+CACHED: Final = 120_000  # vertices; of more, the caches of a processor do not hold what a step goes over
+
 
 class CompiledKernel:
     """T on one connectivity. Not to be called by two threads at once: its buffers are shared."""
@@ -96,6 +98,7 @@ class CompiledKernel:
             window=(float(config.window[0]), float(config.window[1])),
             step_bound=float(config.step_bound),
             relaxation_exponent=float(config.relaxation_exponent),
+            at_once=n > CACHED,
         )
         self._faces = Faces(self._mesh.corners, self._parts, self._team, closed=topology.closed)
         self._has_rings = bool((self._mesh.runs[:, 2] == RING).all())

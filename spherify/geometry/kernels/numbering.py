@@ -153,7 +153,21 @@ class _Rings:
         ring = np.zeros(len(self.neighbours) + LANES, dtype=np.uint32)  # some are read beyond the end
         ring[rank] = place.astype(np.uint32)[self.neighbours]
         marks = np.where(closed[first], RING, 0)
-        return np.stack([first, last, marks, degrees[first], base], axis=1).astype(np.uint32), ring
+        runs = np.stack(
+            [first, last, marks, degrees[first], base, *_reaches(first, base, degrees, ring)], axis=1
+        )
+        return runs.astype(np.uint32), ring
+
+
+def _reaches(first: Ints, base: Ints, degrees: Ints, ring: _Indices) -> tuple[Ints, Ints]:
+    """Return the columns BACK and ON of `Connectivity.runs`, for runs that begin at ``first``."""
+    own = np.arange(len(first))
+    some = np.flatnonzero(degrees[first])
+    low, high = own.copy(), own.copy()
+    for reach, extreme in ((low, np.minimum), (high, np.maximum)):
+        farthest = extreme.reduceat(ring[:-LANES], base[some]) if len(some) else base[some]
+        reach[some] = extreme(own[some], np.searchsorted(first, farthest, side="right") - 1)
+    return np.minimum.accumulate(low[::-1])[::-1], np.maximum.accumulate(high) + 1
 
 
 def _twins(topology: Topology) -> _Indices:

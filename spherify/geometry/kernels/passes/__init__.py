@@ -1,8 +1,9 @@
 """The passes of the compiled engine, one file each, and what joins them.
 
 An elementary step runs through the vertices (curvature, normals, areas, altitudes, all from the ring of neighbours),
-then, once the extremes or percentiles of K are known, through movement and relaxation. These are written for groups of
-eight vertices in vector registers (`tracing`, `wide`), the others as loops that LLVM turns into vector code:
+then, once the extremes or percentiles of K are known, through movement and relaxation, which on large meshes goes along
+with the vertices of the next step (`sweep`). These are written for groups of eight vertices in vector registers
+(`tracing`, `wide`), the others as loops that LLVM turns into vector code:
 
 - Coordinates lie in arrays of their own (x, y, z), so that a vector register holds one coordinate of several items;
   for whoever wants all three of a vertex from anywhere, also side by side (`types.Buffers.rows`).

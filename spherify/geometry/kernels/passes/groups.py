@@ -53,6 +53,7 @@ class Surface(NamedTuple):
         z: and so on.
         ring: `Connectivity.ring`.
         rows: (4n,) x, y, z of each vertex and something else; begins with a line, of which each row is half.
+        weighed: (4n,) what is written of each vertex when it moves and is relaxed then.
 
     """
 
@@ -61,6 +62,7 @@ class Surface(NamedTuple):
     z: Any
     ring: Any
     rows: Any
+    weighed: Any
 
 
 class Results(NamedTuple):
@@ -101,6 +103,7 @@ class Block(NamedTuple):
         at: where the neighbours of the first begin in ``ring``.
         step: how far apart they lie.
         degree: how many each has.
+        fetch: the first of as many vertices that move next, or 0.
 
     """
 
@@ -111,6 +114,7 @@ class Block(NamedTuple):
     at: Any
     step: Any
     degree: Any
+    fetch: Any
 
 
 Group: TypeAlias = Callable[[Surface, Results, Block, Place], Place]
@@ -120,7 +124,7 @@ def ring_group(degree: int, extras: int, *, by_area: bool) -> Group:
     """Make the code for eight vertices of that degree, with one of PLAIN, FULL and MEASURED."""
 
     def group(surface: Surface, to: Results, block: Block, k: Place) -> Place:
-        x, y, z, ring, rows = surface
+        x, y, z, ring, rows, _ = surface
         low, at, count = block.low + k, block.at + k, block.count - k
         p = (x.load(low), y.load(low), z.load(low))
 
@@ -230,7 +234,7 @@ def any_ring_group(*, by_area: bool) -> Group:
     """Make the code for eight vertices of any degree, with all that may be wanted."""
 
     def group(surface: Surface, to: Results, block: Block, k: Place) -> Place:
-        x, y, z, ring, rows = surface
+        x, y, z, ring, rows, _ = surface
         low, at, count = block.low + k, block.at + k, block.count - k
         p = (x.load(low), y.load(low), z.load(low))
 
@@ -277,7 +281,7 @@ def measure_group(degree: int) -> Group:
     """Make the code that measures what is at eight vertices of that degree, and nothing else."""
 
     def group(surface: Surface, to: Results, block: Block, k: Place) -> Place:
-        x, y, z, ring, rows = surface
+        x, y, z, ring, rows, _ = surface
         low, at = block.low + k, block.at + k
         p = (x.load(low), y.load(low), z.load(low))
 
@@ -304,7 +308,7 @@ def any_measure_group() -> Group:
     """Make the same for any degree."""
 
     def group(surface: Surface, to: Results, block: Block, k: Place) -> Place:
-        x, y, z, ring, rows = surface
+        x, y, z, ring, rows, _ = surface
         low, at = block.low + k, block.at + k
         p = (x.load(low), y.load(low), z.load(low))
 

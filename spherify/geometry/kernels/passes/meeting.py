@@ -10,7 +10,9 @@ from typing import Any
 
 from llvmlite import ir
 
+from spherify.geometry.kernels.passes.jit import inner
 from spherify.geometry.kernels.passes.tracing import traced
+from spherify.geometry.kernels.passes.types import Buffers, Task
 from spherify.geometry.kernels.passes.wide import INTEGER, Array, Place
 
 ARRIVED, ROUND, SIZE = 0, 8, 16  # places of an array, a cache line apart
@@ -37,6 +39,13 @@ def wait_for_all(meeting: Array, parts: Place) -> None:
             builder.atomic_rmw("add", round_, ir.Constant(INTEGER, 1), "acq_rel")
         with others:
             _look(builder, round_, here)
+
+
+@inner
+def meet(use: Buffers, task: Task) -> None:
+    """Wait until all threads have come here."""
+    if task.parts > 1:
+        wait_for_all(use.meeting, task.parts)
 
 
 def _look(builder: Any, round_: Any, here: Any) -> None:  # noqa: ANN401 - LLVM's own types

@@ -36,7 +36,7 @@ from spherify.geometry.kernels.passes.groups import (
     ring_group,
 )
 from spherify.geometry.kernels.passes.jit import inner
-from spherify.geometry.kernels.passes.tracing import repeated, traced
+from spherify.geometry.kernels.passes.tracing import alternatively, repeated, traced
 from spherify.geometry.kernels.passes.wide import LANES, Lane, Place
 
 BLOCK: Final = 256  # vertices, at most, that are computed by one call
@@ -49,12 +49,30 @@ FEWEST, MOST = 3, 8  # neighbours for which there is code of its own
 Sweep: TypeAlias = Callable[[Surface, Results, Block], Any]
 
 
-def _sweep(group: Group) -> Sweep:
+def _fetch(surface: Surface, to: Results, place: Place, extras: int) -> None:
+    """Have what a group moves by, and is written to by that, brought near."""
+    for array in (surface.x, surface.y, surface.z, to.K, to.px, to.py, to.pz):
+        array.fetch(place)
+    for line in range(4):  # of eight rows
+        surface.rows.fetch(place * 4 + line * LANES)
+        if extras == FULL:
+            surface.weighed.fetch(place * 4 + line * LANES)
+    if extras == FULL:
+        to.area.fetch(place)
+        to.altitude.fetch(place)
+
+
+def _sweep(group: Group, extras: int) -> Sweep:
     """Make the pass over the groups of a block; not 0 if any vertex has a flat face."""
 
     def sweep(surface: Surface, to: Results, block: Block) -> Place:
         def further(number: Place, some: tuple[Place]) -> tuple[Place]:
-            flat = group(surface, to, block, number * LANES)
+            k = number * LANES
+            if extras != MEASURED:  # after which nothing moves
+                alternatively(
+                    block.fetch > 0, lambda: _fetch(surface, to, block.fetch + k, extras), lambda: None
+                )
+            flat = group(surface, to, block, k)
             to.flats.store_number(number, flat)
             return (some[0] | flat,)
 
@@ -84,14 +102,17 @@ def _of_degree(degree: int) -> Callable[[Surface, Results, Block, bool, int], An
     if degree <= MOST:
         over_area, whole = (
             _by_extras(
-                *(_sweep(ring_group(degree, extras, by_area=by_area)) for extras in (PLAIN, FULL, MEASURED))
+                *(
+                    _sweep(ring_group(degree, extras, by_area=by_area), extras)
+                    for extras in (PLAIN, FULL, MEASURED)
+                )
             )
             for by_area in (True, False)
         )
         others = _of_degree(degree + 1)
     else:
         over_area, whole = (
-            _by_extras(*[_sweep(any_ring_group(by_area=by_area))] * 3) for by_area in (True, False)
+            _by_extras(*[_sweep(any_ring_group(by_area=by_area), FULL)] * 3) for by_area in (True, False)
         )
         others = None
 
@@ -120,8 +141,8 @@ ring_block: Final = _of_degree(FEWEST)
 def _measuring_of_degree(degree: int) -> Sweep:
     """Make the choice among the measurements of that degree and of all that follow."""
     if degree > MOST:
-        return _sweep(any_measure_group())
-    these, others = _sweep(measure_group(degree)), _measuring_of_degree(degree + 1)
+        return _sweep(any_measure_group(), MEASURED)
+    these, others = _sweep(measure_group(degree), MEASURED), _measuring_of_degree(degree + 1)
 
     @inner
     def sweep(surface: Surface, to: Results, block: Block) -> Any:  # noqa: ANN401 - as above

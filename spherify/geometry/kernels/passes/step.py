@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from spherify.geometry.kernels.passes.jit import entry, inner
-from spherify.geometry.kernels.passes.meeting import wait_for_all
-from spherify.geometry.kernels.passes.movement import Along, go_ahead, move, scale, write_rows
-from spherify.geometry.kernels.passes.relaxation import relax, weigh
+from spherify.geometry.kernels.passes.meeting import meet, wait_for_all
+from spherify.geometry.kernels.passes.movement import go_ahead, scale, write_rows
 from spherify.geometry.kernels.passes.selection import collect_part, count_part, is_inner, percentiles
+from spherify.geometry.kernels.passes.sweep import hold, sweep
 from spherify.geometry.kernels.passes.totals import greatest_of
 from spherify.geometry.kernels.passes.types import (
     AHEAD,
@@ -32,7 +32,7 @@ from spherify.geometry.kernels.passes.types import (
     Scratch,
     Task,
 )
-from spherify.geometry.kernels.passes.vertices import measure_pass, vertex_pass
+from spherify.geometry.kernels.passes.vertices import measure_pass
 from spherify.geometry.kernels.passes.whole import PER_VERTEX, centre, spread_run, variation
 from spherify.geometry.transformation import EQUAL_CURVATURE
 
@@ -41,13 +41,6 @@ from spherify.geometry.transformation import EQUAL_CURVATURE
 def least_width(lowest: float, highest: float) -> float:
     """Return how far apart K_min and K_max must be not to count as equal."""
     return EQUAL_CURVATURE * max(abs(lowest), abs(highest))
-
-
-@inner
-def meet(use: Buffers, task: Task) -> None:
-    """Wait until all threads have come here."""
-    if task.parts > 1:
-        wait_for_all(use.meeting, task.parts)
 
 
 @inner
@@ -90,18 +83,6 @@ def extremes(use: Buffers, mode: Mode, task: Task, lowest: float, highest: float
 
 
 @inner
-def hold(mesh: Connectivity, use: Buffers, back: bool) -> None:
-    """Note where the held vertices are, or put them back there."""
-    for i in range(mesh.held.size):
-        for k in range(3):
-            if back:
-                use.position[k, mesh.held[i]] = use.held_position[k, i]
-                use.rows[np.uint64(4) * mesh.held[i] + np.uint64(k)] = use.held_position[k, i]
-            else:
-                use.held_position[k, i] = use.position[k, mesh.held[i]]
-
-
-@inner
 def measure(mesh: Connectivity, use: Buffers, scratch: Scratch, task: Task) -> None:
     """Go on from the sums that INTEGRATE has left to the figures of the surface, if they are wanted."""
     if task.passes & CENTRE:
@@ -119,47 +100,39 @@ def measure(mesh: Connectivity, use: Buffers, scratch: Scratch, task: Task) -> N
 
 
 @inner
-def see_vertices(
-    mesh: Connectivity, use: Buffers, scratch: Scratch, mode: Mode, task: Task, i: int
+def onward(
+    mesh: Connectivity, use: Buffers, scratch: Scratch, mode: Mode, task: Task, found: Found, i: int
 ) -> tuple[float, float, float, bool]:
-    """Do what is wanted of all vertices at the beginning of the i-th elementary step.
+    """Do the movement of one elementary step and the curvature of the next, the i-th; as far as there are these.
 
     Returns:
         the extremes of K, the greatest area at a vertex where weights ask for it, and whether all K are finite.
 
     """
-    K_min, K_max, greatest, finite = task.K_min, task.K_max, task.greatest, True
     if task.passes & ROWS and i == 0:
         write_rows(use, task.first, task.last)
         meet(use, task)
-    if task.passes & VERTICES:
-        weighed, measured = task.relaxation > 0, task.passes & INTEGRATE != 0
-        K_min, K_max, finite = vertex_pass(
-            mesh, use, scratch, mode, weighed, measured, task.first_run, task.last_run
-        )
-        exponent = mode.relaxation_exponent
-        if weighed and exponent != 0 and exponent != 1:  # noqa: PLR1714 - a set would be allocated
-            greatest = greatest_of(use.area[task.first : task.last])
-    elif task.passes & INTEGRATE:
-        measure_pass(mesh, use, scratch, task.first_run, task.last_run)
-    return K_min, K_max, greatest, finite
-
-
-@inner
-def move_some(mesh: Connectivity, use: Buffers, mode: Mode, task: Task, found: Found, outward: bool) -> None:
-    """Move the vertices of a part, and relax them; then all threads are done with that."""
-    weighed = task.relaxation > 0
-    if weighed:
-        weigh(use.area, mode.relaxation_exponent, found.greatest, task.first, task.last)
-    along = Along(
-        found.K_min, found.K_max - found.K_min, task.step,
-        np.uint64(outward), mode.step_bound, np.uint64(mode.step_bound > 0),
-    )  # fmt: skip
-    move(use, along, weighed, task.first, task.last)
-    meet(use, task)
-    if weighed:
-        relax(mesh, use, task.relaxation, task.first_run, task.last_run)
+    holds = task.passes & HOLD != 0 and mesh.held.size > 0
+    if holds and i == 0:
+        if task.part == 0:
+            hold(mesh, use, False)
         meet(use, task)
+    moves, sees = (
+        task.passes & MOVE != 0 and i > 0,
+        task.passes & VERTICES != 0 and i < task.k_in + task.k_out,
+    )
+    if i == 0 and task.known:
+        return task.K_min, task.K_max, task.greatest, True
+    if task.passes & INTEGRATE and not task.passes & VERTICES:
+        measure_pass(mesh, use, scratch, task.first_run, task.last_run)
+    measured, outward = task.passes & INTEGRATE != 0, i > task.k_in
+    K_min, K_max, finite = sweep(mesh, use, scratch, mode, task, found, moves, outward, sees, measured, holds)
+    greatest, exponent = task.greatest, mode.relaxation_exponent
+    if not sees:
+        return task.K_min, task.K_max, greatest, True
+    if task.relaxation > 0 and exponent != 0 and exponent != 1:  # noqa: PLR1714 - a set would be allocated
+        greatest = greatest_of(use.area[task.first : task.last])
+    return K_min, K_max, greatest, finite
 
 
 @entry
@@ -175,18 +148,15 @@ def work(
         and raise, and then goes on without it, to a segmentation fault.
 
     """
-    end, found = MOVED, Found(MOVED, np.inf, -np.inf, 0.0)
-    holds = task.passes & HOLD != 0 and mesh.held.size > 0
+    end, found, steps = MOVED, Found(MOVED, np.inf, -np.inf, 0.0), task.k_in + task.k_out
     if task.passes & AHEAD:
         go_ahead(use.position, use.previous, task.momentum, task.first, task.last)
     if task.passes & SCALE:
         scale(use.position, task.centre, task.factor, task.first, task.last)
-    for i in range(task.k_in + task.k_out):
-        K_min, K_max, greatest, finite = task.K_min, task.K_max, task.greatest, True
-        if holds and task.part == 0:
-            hold(mesh, use, False)
-        if i > 0 or not task.known:
-            K_min, K_max, greatest, finite = see_vertices(mesh, use, scratch, mode, task, i)
+    for i in range(steps + 1 if task.passes & MOVE else steps):
+        K_min, K_max, greatest, finite = onward(mesh, use, scratch, mode, task, found, i)
+        if i == steps:
+            break
         K_min, K_max, greatest, finite = agreed(use, task, K_min, K_max, greatest, finite)
         measure(mesh, use, scratch, task)
         if not finite:
@@ -197,10 +167,4 @@ def work(
         found = Found(end, K_min, K_max, greatest)
         if end != MOVED:
             break
-        if task.passes & MOVE:
-            move_some(mesh, use, mode, task, found, i >= task.k_in)
-        if holds:
-            if task.part == 0:
-                hold(mesh, use, True)
-            meet(use, task)
     return found.end, found.K_min, found.K_max, found.greatest

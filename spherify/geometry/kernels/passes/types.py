@@ -39,6 +39,7 @@ ROWS: Final = 2048
 
 NONE: Final = 0xFFFFFFFF  # no such index
 FOUND: Final = 4  # numbers a part has found
+FIRST, LAST, BACK, ON = 0, 1, 5, 6  # columns of `Connectivity.runs`
 RING: Final = 1  # the neighbours of a run are in order, all around; 0: they are in any
 
 
@@ -52,9 +53,10 @@ class Connectivity(NamedTuple):
         twins: (3m,) the half-edge against each half-edge, or NONE.
         first: (n + 1,) where the half-edges that start at each vertex begin in ``halfedges``.
         halfedges: (3m,) by the vertex they start at.
-        runs: (r, 5) runs of neighbouring vertices that have as many neighbours each: first vertex, one behind the
+        runs: (r, 7) runs of neighbouring vertices that have as many neighbours each: first vertex, one behind the
             last, RING or not, number of neighbours, and where the neighbours of the run begin in ``ring``: first
-            that of each vertex, then the second of each, and so on.
+            that of each vertex, then the second of each, and so on; the first run with neighbours of this run or of
+            any behind it, and one behind the last with neighbours of this run or of any before it: BACK and ON.
         ring: neighbouring vertices, along all edges; those of a run marked RING counter-clockwise.
         held: vertices that stay where they are.
 
@@ -128,12 +130,17 @@ class Scratch(NamedTuple):
 
 
 class Mode(NamedTuple):
-    """The parameters of a run the passes depend on; see `spherify.geometry.config.FlowConfig`."""
+    """The parameters of a run the passes depend on; see `spherify.geometry.config.FlowConfig`.
+
+    The last one is of the mesh: whether a step's movement goes over its vertices along with the next step's curvature
+    (`spherify.geometry.kernels.passes.sweep`).
+    """
 
     measure: int
     window: tuple[float, float]
     step_bound: float
     relaxation_exponent: float
+    at_once: bool
 
 
 class Task(NamedTuple):

@@ -45,68 +45,85 @@ def note_extremes(K: Array, least: Array, greatest: Array, off: Array, low: Plac
 
 
 @inner
-def vertex_pass(
-    mesh: Connectivity, use: Buffers, scratch: Scratch, mode: Mode, weighed: bool, measured: bool,
-    first_run: int, last_run: int,
-) -> tuple[float, float, bool]:  # fmt: skip
-    """Compute the vertices of the runs ``first_run`` … ``last_run``.
+def begin_vertices(scratch: Scratch) -> None:
+    """Begin a pass over vertices."""
+    rows = scratch.rows
+    for j in range(LANES):
+        rows[0, j], rows[1, j], rows[2, j] = np.inf, -np.inf, 0.0
+    for k in range(rows.shape[1]):
+        rows[4, k] = 0.0  # with vertices nobody asks for edges, whose roots cost more than all other sums
 
-    Areas are written only where they are ``weighed`` or ``measured``, which is: with the sums of the surface.
 
-    Returns:
-        the extremes of their K, and whether all are finite.
+@inner
+def see_run(
+    mesh: Connectivity,
+    use: Buffers,
+    scratch: Scratch,
+    mode: Mode,
+    weighed: bool,
+    measured: bool,
+    r: int,
+    fetch: int,
+) -> None:
+    """Compute the vertices of a run.
 
+    Areas are written only where they are ``weighed`` or ``measured``, which is: with the sums of the surface. What
+    belongs to as many vertices from ``fetch`` on is brought near meanwhile, unless that is 0.
     """
     x, y, z = use.position[0], use.position[1], use.position[2]
     K, area, altitude, rows = use.curvature, use.area, use.altitude, scratch.rows
     px, py, pz = use.normal[0], use.normal[1], use.normal[2]
     least, greatest, off, volume, lengths = rows[0], rows[1], rows[2], rows[3], rows[4]
     sums = Sums(rows[5], rows[6], rows[7], rows[8], rows[9], rows[10])
-    surface = Surface(x, y, z, mesh.ring, use.rows)
+    surface = Surface(x, y, z, mesh.ring, use.rows, use.weighed)
     to = Results(K, px, py, pz, area, altitude, volume, lengths, scratch.flats)
     by_area, dual = mode.measure == VTK, np.uint64(mode.measure == DUAL_AREA)
     extras = FULL if weighed or mode.step_bound > 0 or mode.measure == DUAL_AREA else PLAIN
     extras = MEASURED if measured else extras
-    for k in range(lengths.size if measured else 0):
-        lengths[k] = 0.0  # with vertices nobody asks for edges, whose roots cost more than all other sums
-    for j in range(LANES):
-        least[j], greatest[j], off[j] = np.inf, -np.inf, 0.0
-    for r in range(first_run, last_run):
-        low, last = mesh.runs[r, 0], mesh.runs[r, 1]
-        step, degree = np.uint64(last - low), np.uint64(mesh.runs[r, 3])
-        at = mesh.runs[r, 4]
-        scale = (3.0 if by_area else 1.0) / degree
+    low, last = mesh.runs[r, 0], mesh.runs[r, 1]
+    step, degree = np.uint64(last - low), np.uint64(mesh.runs[r, 3])
+    at = mesh.runs[r, 4]
+    scale = (3.0 if by_area else 1.0) / degree
+    if measured:
+        begin_run(sums)
+    while low < last:
+        count = min(np.uint32(BLOCK), np.uint32(last - low))
+        by_ring, flat = mesh.runs[r, 2] == RING, np.uint64(0)
+        if by_ring:
+            block = Block(
+                scale, dual, np.uint64(low), np.uint64(count), np.uint64(at), step, degree, np.uint64(fetch)
+            )
+            flat = ring_block(surface, to, block, by_area, extras)
+        if not by_ring or flat != np.uint64(0):
+            for k in range(np.uint32(0), count):
+                bit = np.uint64(1) << np.uint64(k % np.uint32(LANES))
+                if not by_ring or scratch.flats[k // np.uint32(LANES)] & bit:
+                    p = np.uint32(low + k)
+                    vertex(
+                        x, y, z, mesh.corners, mesh.halfedges, mesh.twins,
+                        mesh.first[p], mesh.first[np.uint32(p + np.uint32(1))],
+                        mode.measure, K, px, py, pz, area, altitude, p,
+                    )  # fmt: skip
+        note_extremes(K, least, greatest, off, np.uint64(low), np.uint64(count))
         if measured:
-            begin_run(sums)
-        while low < last:
-            count = min(np.uint32(BLOCK), np.uint32(last - low))
-            by_ring, flat = mesh.runs[r, 2] == RING, np.uint64(0)
-            if by_ring:
-                block = Block(scale, dual, np.uint64(low), np.uint64(count), np.uint64(at), step, degree)
-                flat = ring_block(surface, to, block, by_area, extras)
-            if not by_ring or flat != np.uint64(0):
-                for k in range(np.uint32(0), count):
-                    bit = np.uint64(1) << np.uint64(k % np.uint32(LANES))
-                    if not by_ring or scratch.flats[k // np.uint32(LANES)] & bit:
-                        p = np.uint32(low + k)
-                        vertex(
-                            x, y, z, mesh.corners, mesh.halfedges, mesh.twins,
-                            mesh.first[p], mesh.first[np.uint32(p + np.uint32(1))],
-                            mode.measure, K, px, py, pz, area, altitude, p,
-                        )  # fmt: skip
-            note_extremes(K, least, greatest, off, np.uint64(low), np.uint64(count))
-            if measured:
-                integrate((x, y, z), area, volume, lengths, sums, np.uint64(low), np.uint64(count))
-            low = np.uint32(low + count)
-            at = np.uint32(at + count)
-        if measured:
-            end_run(sums, use.sums[r])
-    K_min, K_max, finite = np.inf, -np.inf, 0.0
+            integrate((x, y, z), area, volume, lengths, sums, np.uint64(low), np.uint64(count))
+        low = np.uint32(low + count)
+        at = np.uint32(at + count)
+        if fetch > 0:
+            fetch = int(fetch + np.int64(count))
+    if measured:
+        end_run(sums, use.sums[r])
+
+
+@inner
+def end_vertices(scratch: Scratch) -> tuple[float, float, bool]:
+    """Return the extremes of the K of a pass, and whether all are finite."""
+    K_min, K_max, off = np.inf, -np.inf, 0.0
     for j in range(LANES):
-        K_min = min(K_min, least[j])
-        K_max = max(K_max, greatest[j])
-        finite += off[j]
-    return K_min, K_max, finite == 0
+        K_min = min(K_min, scratch.rows[0, j])
+        K_max = max(K_max, scratch.rows[1, j])
+        off += scratch.rows[2, j]
+    return K_min, K_max, off == 0
 
 
 @inner
@@ -116,7 +133,7 @@ def measure_pass(mesh: Connectivity, use: Buffers, scratch: Scratch, first_run: 
     rows, area = scratch.rows, use.area
     volume, lengths = rows[3], rows[4]
     sums = Sums(rows[5], rows[6], rows[7], rows[8], rows[9], rows[10])
-    surface = Surface(x, y, z, mesh.ring, use.rows)
+    surface = Surface(x, y, z, mesh.ring, use.rows, use.weighed)
     K, normal = use.curvature, use.normal
     to = Results(K, normal[0], normal[1], normal[2], area, use.altitude, volume, lengths, scratch.flats)
     for r in range(first_run, last_run):
@@ -125,7 +142,7 @@ def measure_pass(mesh: Connectivity, use: Buffers, scratch: Scratch, first_run: 
         begin_run(sums)
         while low < last:
             count = min(np.uint64(BLOCK), last - low)
-            measure_block(surface, to, Block(1.0, np.uint64(0), low, count, at, step, degree))
+            measure_block(surface, to, Block(1.0, np.uint64(0), low, count, at, step, degree, np.uint64(0)))
             integrate((x, y, z), area, volume, lengths, sums, low, count)
             low += count
             at += count

@@ -242,6 +242,15 @@ class Array:
                 number = self.builder.extract_element(value.value, ir.Constant(_INDEX, lane))
                 self.builder.store(number, self.at(place + lane).data)
 
+    def fetch(self, place: Place) -> None:
+        """Have what lies at a place brought near for writing, if that goes by the way: nothing waits, or fails."""
+        byte = ir.IntType(8).as_pointer()
+        pointer = self.builder.bitcast(self.at(place).data, byte)
+        kind = ir.FunctionType(ir.VoidType(), [byte, _INDEX, _INDEX, _INDEX])
+        fetch = self.builder.module.declare_intrinsic("llvm.prefetch", [byte], kind)
+        kinds = [ir.Constant(_INDEX, kind) for kind in (1, 2, 1)]  # to write, to the second-level cache, data
+        self.builder.call(fetch, [pointer, *kinds])
+
     def store_number(self, place: Place, number: Place) -> None:
         """Write an integer of 64 bits."""
         self.builder.store(number.value, self.at(place).data)
