@@ -80,15 +80,16 @@ def chained(
     config = configuration(preset)
     kernel = engine.prepare(Topology.of(len(mesh.vertices), mesh.faces), config)
     V, stage = np.asfortranarray(mesh.vertices), _stage(config)
+    edges = config.step_unit == "mean-edge"  # which a run asks for then
 
     def once() -> Floats:
         nonlocal V
-        moved = kernel.transform(V, stage, STEP, config.relaxation)
+        moved = kernel.transform(V, stage, STEP, config.relaxation, measured=measured, edges=edges)
         if moved is None:
             raise ValueError("the curvature is the same everywhere")
         V = moved
         if measured:
-            kernel.shape(V, edges=config.step_unit == "mean-edge")  # as a run asks for it
+            kernel.shape(V, edges=edges)
         return V
 
     return once

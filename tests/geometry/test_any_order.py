@@ -32,7 +32,7 @@ MESHES = {
     "pinched": jittered(pinched(), 0.1),  # measured by faces, as are open ones
     "open": jittered(open_bump(9), 0.01),
 }
-CENTRE, ROUNDS = np.array([0.02, -0.01, 0.03]), 250
+CENTRE, ROUNDS = np.array([0.02, -0.01, 0.03]), 300
 ONE_EACH, MORE = Stage(1, 1, 0), Stage(1, 2, 1)
 Question = Callable[[CompiledKernel, Floats, Floats], Any]
 QUESTIONS: list[Question] = [  # of positions and those before, the commonest first
@@ -41,6 +41,9 @@ QUESTIONS: list[Question] = [  # of positions and those before, the commonest fi
     lambda kernel, V, _: kernel.transform(V, ONE_EACH, 1e-3, 0.0),
     lambda kernel, V, _: kernel.transform(V, MORE, 1e-3, 0.5),
     lambda kernel, V, W: kernel.transform(V, MORE, 1e-3, 0.0, previous=W, momentum=0.5),
+    lambda kernel, V, _: kernel.transform(V, ONE_EACH, 1e-3, 0.0, measured=True, edges=False),
+    lambda kernel, V, _: kernel.shape(V, edges=False),
+    lambda kernel, V, W: kernel.transform(V, MORE, 1e-3, 0.5, previous=W, momentum=0.5, measured=True),
     lambda kernel, V, _: kernel.covering(V, CENTRE),
     lambda kernel, V, _: kernel.folds(V, CENTRE),
     lambda kernel, V, _: kernel.scaled(V, CENTRE, 1.001),

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Sequence
 from functools import cached_property, partial
 from operator import call
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -31,6 +31,7 @@ from spherify.geometry.kernels.passes.spreading import spread
 from spherify.geometry.kernels.passes.step import work
 from spherify.geometry.kernels.passes.types import (
     AHEAD,
+    BEYOND,
     CENTRE,
     CONSTANT,
     EXTREMES,
@@ -59,7 +60,7 @@ from spherify.geometry.metrics import Figures
 from spherify.geometry.roundness import Shape
 from spherify.geometry.topology import Topology
 
-CURVED: Final = ROWS + VERTICES + EXTREMES
+CURVED: Final = VERTICES + EXTREMES
 BY_RINGS: Final = INTEGRATE + CENTRE + RADII + VARIATION
 ENTRIES: Final[Sequence[Callable[..., Any]]] = (
     walk,
@@ -78,6 +79,21 @@ ENTRIES: Final[Sequence[Callable[..., Any]]] = (
 WORTH_SHARING: Final = 8_000  # vertices; below, handing out the parts takes as long as they do
 
 CACHED: Final = 120_000  # vertices; of more, the caches of a processor do not hold what a step goes over
+
+
+class Known(NamedTuple):
+    """What is known of the positions loaded, as long as they stay.
+
+    Attributes:
+        rows: whether the rows are as they are.
+        curved: of their curvature and normals, if those are in the buffers.
+        shape: the surface.
+
+    """
+
+    rows: bool = False
+    curved: Found | None = None
+    shape: Shape | None = None
 
 
 class CompiledKernel:
@@ -106,7 +122,7 @@ class CompiledKernel:
         nothing_between = config.momentum == 0 and config.rescale == "none"
         plain = config.step_bound == 0 and config.relaxation == 0
         self._goes_on = nothing_between and plain
-        self._curved: Found | None = None  # of the positions loaded, as long as they stay
+        self._known = Known()
         self._positions = Positions(self._use.position, self._numbering, self._parts, self._team)
         self._previous = Positions(self._use.previous, self._numbering, self._parts, self._team)
         mesh, use, mode = self._mesh, self._use, self._mode
@@ -146,24 +162,41 @@ class CompiledKernel:
         *,
         previous: Floats | None = None,
         momentum: float = 0.0,
+        measured: bool = False,
+        edges: bool = True,
     ) -> Floats | None:
         """See `spherify.geometry.kernels.interface.Kernel.transform`."""
-        curved = self._load(V)
+        known = self._load(V)
         if previous is not None and momentum > 0:
             self._go_ahead(V, previous, float(momentum))
-            curved = None
-        end = self._moved(stage, float(step), float(relaxation), curved)
-        if end == CONSTANT:
+            known = Known()
+        measured = measured and self._has_rings
+        passes = CURVED + MOVE + HOLD + (0 if known.rows else ROWS)
+        task = self._task(
+            passes=passes + (self._measuring(edges=edges) if measured else 0),
+            k_in=stage.k_in,
+            k_out=stage.k_out,
+            step=float(step),
+            relaxation=float(relaxation),
+        )
+        if known.curved is not None and relaxation <= 0:  # which weighs areas, that are not known
+            task = task._replace(known=True, K_min=known.curved.K_min, K_max=known.curved.K_max)
+        found = (
+            self._together(task) if known.curved is None or known.curved.end != NOT_FINITE else known.curved
+        )
+        if found.end == CONSTANT:
             return None
-        if end == NOT_FINITE:
+        if found.end == NOT_FINITE:
             return self._reference.transform(V, stage, step, relaxation, previous=previous, momentum=momentum)
-        return self._positions.unloaded()
+        moved = self._positions.unloaded()
+        self._known = self._seen(found, edges=edges)[0] if measured else Known(rows=True)
+        return moved
 
     def transform_radially(self, V: Floats, stage: Stage, step: float, centre: Floats) -> Floats | None:
         """See `spherify.geometry.kernels.interface.Kernel.transform_radially`."""
         self._load(V)
         for along in [step] * stage.k_in + [-step] * stage.k_out:
-            found = self._together(self._task(passes=CURVED, k_in=1))
+            found = self._together(self._task(passes=ROWS + CURVED, k_in=1))
             if found.end == CONSTANT:
                 return None
             if found.end == NOT_FINITE:
@@ -173,26 +206,25 @@ class CompiledKernel:
 
     def shape(self, V: Floats, *, edges: bool = True) -> Shape:
         """See `spherify.geometry.kernels.interface.Kernel.shape`."""
-        self._load(V, to_move=False)
+        known = self._load(V, to_move=False)
+        if known.shape is not None and edges != math.isnan(known.shape.mean_edge):
+            return known.shape
         if self._has_rings:
-            self._curved = self._measured_by_rings(edges=edges)
-            result = self._use.whole
+            passes = self._measuring(edges=edges) + (0 if known.rows else ROWS)
+            self._known, shape = self._seen(self._together(self._task(passes=passes)), edges=edges)
         else:
-            self._curved = None  # its memory is needed
-            result = self._faces.measure(self._use.position, self._use.curvature)
-        area, volume, x, y, z, lengths, variation, _ = result.tolist()
-        if len(self._single):  # the sum over the faces has these once, all others twice
-            position = self._use.position
-            a, b = position[:, self._single[:, 0]], position[:, self._single[:, 1]]
-            lengths += float(np.sqrt(((b - a) ** 2).sum(axis=0)).sum())
-        mean_edge = lengths / 2 / self._edge_count if edges else math.nan
-        return Shape(area, volume, np.array([x, y, z]), mean_edge, variation)
+            shape = self._shape_of(self._faces.measure(self._use.position, self._use.curvature), edges=edges)
+            self._known = Known(known.rows, None, shape)  # the memory of its curvature was needed
+        return shape
 
     def figures(self, V: Floats, centre: Floats) -> Figures:
         """See `spherify.geometry.kernels.interface.Kernel.figures`."""
-        curved = self._load(V, to_move=False)
+        known = self._load(V, to_move=False)
+        curved = known.curved
         if curved is None:
-            curved = self._curved = self._together(self._task(passes=ROWS + VERTICES, k_in=1))
+            passes = VERTICES + (0 if known.rows else ROWS)
+            curved = self._together(self._task(passes=passes, k_in=1))
+            self._known = Known(True, curved, known.shape)
         if curved.end == NOT_FINITE:
             return self._reference.figures(V, centre)
         return self._faces.figures(self._use.position, centre, curved)
@@ -213,27 +245,33 @@ class CompiledKernel:
         self._together(self._task(passes=AHEAD, momentum=momentum))
         self._previous.hold(V)
 
-    def _load(self, V: Floats, *, to_move: bool = True) -> Found | None:
-        """Load positions, see `Positions.load`; return what is known of their curvature, then in the buffers."""
+    def _load(self, V: Floats, *, to_move: bool = True) -> Known:
+        """Load positions, see `Positions.load`; return what is known of them."""
         there = self._positions.load(V, to_move=to_move)
-        curved = self._curved if there else None
-        self._curved = None if to_move else curved
-        return curved
+        known = self._known if there else Known()
+        self._known = Known() if to_move else known
+        return known
 
-    def _moved(self, stage: Stage, step: float, relaxation: float, curved: Found | None) -> int:
-        """Apply T to the positions loaded, of which the curvature may be known; return how it ended."""
-        task = self._task(
-            passes=CURVED + MOVE + HOLD,
-            k_in=stage.k_in,
-            k_out=stage.k_out,
-            step=step,
-            relaxation=relaxation,
-        )
-        if curved is not None and relaxation <= 0:  # which weighs areas, that are not known
-            if curved.end == NOT_FINITE:
-                return NOT_FINITE
-            task = task._replace(known=True, K_min=curved.K_min, K_max=curved.K_max)
-        return self._together(task).end
+    def _measuring(self, *, edges: bool) -> int:
+        """Return the passes that measure, along with curvature and normals if the next step begins with them."""
+        return BY_RINGS + (BEYOND if self._goes_on and not edges else 0)
+
+    def _seen(self, found: Found, *, edges: bool) -> tuple[Known, Shape]:
+        """Return what is known after `_measuring`, and the shape."""
+        curved, shape = None, self._shape_of(self._use.whole, edges=edges)
+        if self._goes_on and not edges:
+            curved = found._replace(end=NOT_FINITE) if math.isnan(found.K_min) else found
+        return Known(True, curved, shape), shape
+
+    def _shape_of(self, measured: Floats, *, edges: bool) -> Shape:
+        """Return the shape of the positions loaded from the sums of their surface."""
+        area, volume, x, y, z, lengths, variation, _ = measured.tolist()
+        if len(self._single):  # the sum over the faces has these once, all others twice
+            position = self._use.position
+            a, b = position[:, self._single[:, 0]], position[:, self._single[:, 1]]
+            lengths += float(np.sqrt(((b - a) ** 2).sum(axis=0)).sum())
+        mean_edge = lengths / 2 / self._edge_count if edges else math.nan
+        return Shape(area, volume, np.array([x, y, z]), mean_edge, variation)
 
     def _task(self, **others: Any) -> Task:  # noqa: ANN401 - the rest of a Task
         """Return a task of the first part, of no elementary step unless told otherwise."""
@@ -252,12 +290,6 @@ class CompiledKernel:
             for own, part in zip(self._scratch, tasks, strict=True)
         ]
         return Found(*self._team.each(call, parts)[0])
-
-    def _measured_by_rings(self, *, edges: bool) -> Found | None:
-        """Measure the positions loaded, along with curvature and normals if the next step begins with them."""
-        along = VERTICES if self._goes_on and not edges else 0
-        found = self._together(self._task(passes=ROWS + along + BY_RINGS, k_in=1))
-        return found if along else None
 
 
 class CompiledEngine:

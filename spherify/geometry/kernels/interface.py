@@ -25,6 +25,8 @@ class Kernel(Protocol):
         *,
         previous: Floats | None = None,
         momentum: float = 0.0,
+        measured: bool = False,
+        edges: bool = True,
     ) -> Floats | None:
         """Apply T_(k_in, k_out, C) once: k_in inward, then k_out outward elementary steps.
 
@@ -35,6 +37,8 @@ class Kernel(Protocol):
             relaxation: fraction of the tangential umbrella vector after each elementary step.
             previous: (n, 3) positions to go on from: T begins at p + ``momentum`` (p - p_previous).
             momentum: see above; 0 without ``previous``.
+            measured: whether `shape` of what comes of it is asked for next, which may then be had by the way.
+            edges: of that.
 
         Returns:
             (n, 3) new positions, not necessarily finite; None if the curvature became constant, for then t is

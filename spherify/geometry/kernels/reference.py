@@ -36,6 +36,8 @@ class ReferenceKernel:
         *,
         previous: Floats | None = None,
         momentum: float = 0.0,
+        measured: bool = False,
+        edges: bool = True,
     ) -> Floats | None:
         """See `spherify.geometry.kernels.interface.Kernel.transform`."""
         if previous is not None and momentum > 0:

@@ -206,8 +206,9 @@ class CurvatureTransformation:
         else:
             relaxation = self._config.relaxation * control.annealing
             moved = self._kernel.transform(
-                here, stage, step, relaxation, previous=previous, momentum=control.momentum
-            )
+                here, stage, step, relaxation, previous=previous, momentum=control.momentum,
+                measured=True, edges=self._measures_edges,
+            )  # fmt: skip
         return Standstill(STANDSTILL) if moved is None else moved
 
     def remember(self, progress: Progress, shape: Shape, factor: float) -> Memory:

@@ -164,7 +164,6 @@ def ring_group(degree: int, extras: int, *, by_area: bool) -> Group:
             outputs.append((to.altitude, (over / under).root()))
         if extras == MEASURED:
             to.volume.store(k, dot(p, reduce(plus, (one.normal for one in faces))))
-            to.lengths.store(k, reduce(add, (one.squared.root() for one in edges)))
         _write(outputs, low, count)
         flat = is_flat(
             reduce(lesser, (one.squared for one in faces)), reduce(greater, (one.squared for one in edges))

@@ -49,29 +49,30 @@ FEWEST, MOST = 3, 8  # neighbours for which there is code of its own
 Sweep: TypeAlias = Callable[[Surface, Results, Block], Any]
 
 
-def _fetch(surface: Surface, to: Results, place: Place, extras: int) -> None:
-    """Have what a group moves by, and is written to by that, brought near."""
+def _fetch(surface: Surface, to: Results, place: Place, *, weighed: bool) -> None:
+    """Have what a group moves by, and is written to by that, brought near; ``weighed``: and is relaxed then."""
     for array in (surface.x, surface.y, surface.z, to.K, to.px, to.py, to.pz):
         array.fetch(place)
     for line in range(4):  # of eight rows
         surface.rows.fetch(place * 4 + line * LANES)
-        if extras == FULL:
+        if weighed:
             surface.weighed.fetch(place * 4 + line * LANES)
-    if extras == FULL:
+    if weighed:
         to.area.fetch(place)
         to.altitude.fetch(place)
 
 
-def _sweep(group: Group, extras: int) -> Sweep:
-    """Make the pass over the groups of a block; not 0 if any vertex has a flat face."""
+def _sweep(group: Group, *, weighed: bool) -> Sweep:
+    """Make the pass over the groups of a block; not 0 if any vertex has a flat face; ``weighed`` as of `_fetch`."""
 
     def sweep(surface: Surface, to: Results, block: Block) -> Place:
         def further(number: Place, some: tuple[Place]) -> tuple[Place]:
             k = number * LANES
-            if extras != MEASURED:  # after which nothing moves
-                alternatively(
-                    block.fetch > 0, lambda: _fetch(surface, to, block.fetch + k, extras), lambda: None
-                )
+            alternatively(
+                block.fetch > 0,
+                lambda: _fetch(surface, to, block.fetch + k, weighed=weighed),
+                lambda: None,
+            )
             flat = group(surface, to, block, k)
             to.flats.store_number(number, flat)
             return (some[0] | flat,)
@@ -103,7 +104,7 @@ def _of_degree(degree: int) -> Callable[[Surface, Results, Block, bool, int], An
         over_area, whole = (
             _by_extras(
                 *(
-                    _sweep(ring_group(degree, extras, by_area=by_area), extras)
+                    _sweep(ring_group(degree, extras, by_area=by_area), weighed=extras == FULL)
                     for extras in (PLAIN, FULL, MEASURED)
                 )
             )
@@ -112,7 +113,8 @@ def _of_degree(degree: int) -> Callable[[Surface, Results, Block, bool, int], An
         others = _of_degree(degree + 1)
     else:
         over_area, whole = (
-            _by_extras(*[_sweep(any_ring_group(by_area=by_area), FULL)] * 3) for by_area in (True, False)
+            _by_extras(*[_sweep(any_ring_group(by_area=by_area), weighed=True)] * 3)
+            for by_area in (True, False)
         )
         others = None
 
@@ -141,8 +143,8 @@ ring_block: Final = _of_degree(FEWEST)
 def _measuring_of_degree(degree: int) -> Sweep:
     """Make the choice among the measurements of that degree and of all that follow."""
     if degree > MOST:
-        return _sweep(any_measure_group(), MEASURED)
-    these, others = _sweep(measure_group(degree), MEASURED), _measuring_of_degree(degree + 1)
+        return _sweep(any_measure_group(), weighed=True)
+    these, others = _sweep(measure_group(degree), weighed=True), _measuring_of_degree(degree + 1)
 
     @inner
     def sweep(surface: Surface, to: Results, block: Block) -> Any:  # noqa: ANN401 - as above

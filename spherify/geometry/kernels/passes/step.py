@@ -12,6 +12,7 @@ from spherify.geometry.kernels.passes.sweep import hold, sweep
 from spherify.geometry.kernels.passes.totals import greatest_of
 from spherify.geometry.kernels.passes.types import (
     AHEAD,
+    BEYOND,
     CENTRE,
     CONSTANT,
     EXTREMES,
@@ -32,7 +33,6 @@ from spherify.geometry.kernels.passes.types import (
     Scratch,
     Task,
 )
-from spherify.geometry.kernels.passes.vertices import measure_pass
 from spherify.geometry.kernels.passes.whole import PER_VERTEX, centre, spread_run, variation
 from spherify.geometry.transformation import EQUAL_CURVATURE
 
@@ -84,7 +84,7 @@ def extremes(use: Buffers, mode: Mode, task: Task, lowest: float, highest: float
 
 @inner
 def measure(mesh: Connectivity, use: Buffers, scratch: Scratch, task: Task) -> None:
-    """Go on from the sums that INTEGRATE has left to the figures of the surface, if they are wanted."""
+    """Go on from the sums that INTEGRATE has left to the figures of the surface."""
     if task.passes & CENTRE:
         if task.part == 0:
             centre(use.position, use.sums, PER_VERTEX, use.whole)
@@ -105,31 +105,28 @@ def onward(
 ) -> tuple[float, float, float, bool]:
     """Do the movement of one elementary step and the curvature of the next, the i-th; as far as there are these.
 
+    Behind the last step the surface is measured instead, or besides.
+
     Returns:
         the extremes of K, the greatest area at a vertex where weights ask for it, and whether all K are finite.
 
     """
-    if task.passes & ROWS and i == 0:
+    behind, holds = i == task.k_in + task.k_out, task.passes & HOLD != 0 and mesh.held.size > 0
+    if i == 0 and task.passes & ROWS:
         write_rows(use, task.first, task.last)
         meet(use, task)
-    holds = task.passes & HOLD != 0 and mesh.held.size > 0
-    if holds and i == 0:
+    if i == 0 and holds:
         if task.part == 0:
             hold(mesh, use, False)
         meet(use, task)
-    moves, sees = (
-        task.passes & MOVE != 0 and i > 0,
-        task.passes & VERTICES != 0 and i < task.k_in + task.k_out,
+    sees = task.passes & BEYOND != 0 if behind else task.passes & VERTICES != 0 and (i > 0 or not task.known)
+    measured, moves = behind and task.passes & INTEGRATE != 0, i > 0 and task.passes & MOVE != 0
+    K_min, K_max, finite = sweep(
+        mesh, use, scratch, mode, task, found, moves, i > task.k_in, sees, measured, holds
     )
-    if i == 0 and task.known:
-        return task.K_min, task.K_max, task.greatest, True
-    if task.passes & INTEGRATE and not task.passes & VERTICES:
-        measure_pass(mesh, use, scratch, task.first_run, task.last_run)
-    measured, outward = task.passes & INTEGRATE != 0, i > task.k_in
-    K_min, K_max, finite = sweep(mesh, use, scratch, mode, task, found, moves, outward, sees, measured, holds)
-    greatest, exponent = task.greatest, mode.relaxation_exponent
     if not sees:
-        return task.K_min, task.K_max, greatest, True
+        return task.K_min, task.K_max, task.greatest, True
+    greatest, exponent = task.greatest, mode.relaxation_exponent
     if task.relaxation > 0 and exponent != 0 and exponent != 1:  # noqa: PLR1714 - a set would be allocated
         greatest = greatest_of(use.area[task.first : task.last])
     return K_min, K_max, greatest, finite
@@ -148,17 +145,23 @@ def work(
         and raise, and then goes on without it, to a segmentation fault.
 
     """
-    end, found, steps = MOVED, Found(MOVED, np.inf, -np.inf, 0.0), task.k_in + task.k_out
+    found, steps = Found(MOVED, np.inf, -np.inf, 0.0), task.k_in + task.k_out
     if task.passes & AHEAD:
         go_ahead(use.position, use.previous, task.momentum, task.first, task.last)
     if task.passes & SCALE:
         scale(use.position, task.centre, task.factor, task.first, task.last)
-    for i in range(steps + 1 if task.passes & MOVE else steps):
+    for i in range(steps + 1):
+        if i == steps and task.passes & (MOVE | INTEGRATE) == 0:
+            break
         K_min, K_max, greatest, finite = onward(mesh, use, scratch, mode, task, found, i)
-        if i == steps:
+        if i == steps and task.passes & INTEGRATE == 0:
             break
         K_min, K_max, greatest, finite = agreed(use, task, K_min, K_max, greatest, finite)
-        measure(mesh, use, scratch, task)
+        if i == steps:
+            measure(mesh, use, scratch, task)
+            found = Found(MOVED, K_min if finite else np.nan, K_max, greatest)
+            break
+        end = MOVED
         if not finite:
             end = NOT_FINITE
         elif task.passes & EXTREMES:

@@ -30,7 +30,7 @@ from spherify.geometry.kernels.passes.types import (
     Scratch,
     Task,
 )
-from spherify.geometry.kernels.passes.vertices import begin_vertices, end_vertices, see_run
+from spherify.geometry.kernels.passes.vertices import begin_vertices, end_vertices, measure_run, see_run
 from spherify.geometry.kernels.passes.wide import LANES
 
 
@@ -142,7 +142,7 @@ def sweep(
         moves: whether they move; they stay else.
         outward: which way.
         sees: whether they are seen.
-        measured: and the sums of the surface are taken along.
+        measured: whether the sums of the surface are taken, along with that or by themselves.
         holds: whether some are put back after they have moved.
 
     Returns:
@@ -150,7 +150,7 @@ def sweep(
 
     """
     weighed = task.relaxation > 0
-    border = borders(mesh, task, holds or not sees or not mode.at_once)
+    border = borders(mesh, task, holds or not (sees or measured) or not mode.at_once)
     relaxed, moved = border.head, begins(mesh, border.far_head if weighed else border.head)
     end = begins(mesh, border.far_tail if weighed else border.tail)
     if moves:
@@ -167,7 +167,7 @@ def sweep(
             meet(use, task)
     fetched = 0
     begin_vertices(scratch)
-    for r in range(task.first_run, task.last_run if sees else task.first_run):
+    for r in range(task.first_run, task.last_run if sees or measured else task.first_run):
         wanted = entry_of(mesh, r, ON)
         if moves:
             wanted = min(wanted, border.tail)
@@ -180,6 +180,10 @@ def sweep(
                 relaxed = wanted
         # What follows is brought near while there is much to compute.
         fetched = max(fetched, moved if moves else begins(mesh, wanted))
-        see_run(mesh, use, scratch, mode, weighed, measured, r, fetched if mode.at_once else 0)
+        fetch = fetched if mode.at_once else 0
+        if sees:
+            see_run(mesh, use, scratch, mode, weighed, measured, r, fetch)
+        else:
+            measure_run(mesh, use, scratch, r, fetch)
         fetched += entry_of(mesh, r, LAST) - entry_of(mesh, r, FIRST)
     return end_vertices(scratch)

@@ -25,16 +25,17 @@ NOT_FINITE: Final = 2  # a curvature is not a number, or infinite
 VERTICES: Final = 1
 EXTREMES: Final = 2
 MOVE: Final = 4
+BEYOND: Final = 8  # VERTICES once more behind the last step, which the next T then need not begin with
 HOLD: Final = 16
-# Those of a measurement of the surface by its rings, in this order.
-INTEGRATE: Final = 32  # along with VERTICES, or by itself
+# Those of a measurement of the surface by its rings, behind the last step, in this order.
+INTEGRATE: Final = 32  # along with BEYOND, or by itself
 CENTRE: Final = 64
 RADII: Final = 128
 VARIATION: Final = 256
 # Those that move all vertices alike.
 AHEAD: Final = 512
 SCALE: Final = 1024
-# Before VERTICES or INTEGRATE, unless positions are as MOVE and what follows it have left them.
+# Before all of these, unless the rows are as the positions, as MOVE and what follows it leave them.
 ROWS: Final = 2048
 
 NONE: Final = 0xFFFFFFFF  # no such index
@@ -193,7 +194,8 @@ class Found(NamedTuple):
 
     Attributes:
         end: MOVED; or CONSTANT or NOT_FINITE, if the curvature became so, and the positions mean nothing.
-        K_min: least K, or that of the window after EXTREMES.
+        K_min: least K, or that of the window after EXTREMES; after BEYOND least K behind the last step, or not a
+            number if some K is none or infinite.
         K_max: greatest.
         greatest: area at a vertex.
 

@@ -127,8 +127,8 @@ def end_vertices(scratch: Scratch) -> tuple[float, float, bool]:
 
 
 @inner
-def measure_pass(mesh: Connectivity, use: Buffers, scratch: Scratch, first_run: int, last_run: int) -> None:
-    """Measure the vertices of some runs, all of which have rings."""
+def measure_run(mesh: Connectivity, use: Buffers, scratch: Scratch, r: int, fetch: int) -> None:
+    """Measure the vertices of a run, which has rings; ``fetch`` as of `see_run`."""
     x, y, z = use.position[0], use.position[1], use.position[2]
     rows, area = scratch.rows, use.area
     volume, lengths = rows[3], rows[4]
@@ -136,14 +136,15 @@ def measure_pass(mesh: Connectivity, use: Buffers, scratch: Scratch, first_run: 
     surface = Surface(x, y, z, mesh.ring, use.rows, use.weighed)
     K, normal = use.curvature, use.normal
     to = Results(K, normal[0], normal[1], normal[2], area, use.altitude, volume, lengths, scratch.flats)
-    for r in range(first_run, last_run):
-        low, last = np.uint64(mesh.runs[r, 0]), np.uint64(mesh.runs[r, 1])
-        step, degree, at = last - low, np.uint64(mesh.runs[r, 3]), np.uint64(mesh.runs[r, 4])
-        begin_run(sums)
-        while low < last:
-            count = min(np.uint64(BLOCK), last - low)
-            measure_block(surface, to, Block(1.0, np.uint64(0), low, count, at, step, degree, np.uint64(0)))
-            integrate((x, y, z), area, volume, lengths, sums, low, count)
-            low += count
-            at += count
-        end_run(sums, use.sums[r])
+    low, last = np.uint64(mesh.runs[r, 0]), np.uint64(mesh.runs[r, 1])
+    step, degree, at = last - low, np.uint64(mesh.runs[r, 3]), np.uint64(mesh.runs[r, 4])
+    begin_run(sums)
+    while low < last:
+        count = min(np.uint64(BLOCK), last - low)
+        measure_block(surface, to, Block(1.0, np.uint64(0), low, count, at, step, degree, np.uint64(fetch)))
+        integrate((x, y, z), area, volume, lengths, sums, low, count)
+        low += count
+        at += count
+        if fetch > 0:
+            fetch = int(fetch + np.int64(count))
+    end_run(sums, use.sums[r])
