@@ -71,6 +71,7 @@ class Unfolding:
     evened out, and rounds of unfolding follow each iteration while a face looks inward, and of drawing apart while one
     has nearly vanished. After that T goes on along the normals; and, when nothing gets rounder by that or faces turn
     inward again, unless the run has converged, along the radii, while directions climb (`spherify.geometry.ascent`).
+    What ends short of a sphere by that is finished: radii and directions climb together (`spherify.geometry.finish`).
 
     Attributes:
         sphericity: from which on.

@@ -64,8 +64,9 @@ def centre_inside(
 ) -> Floats | None:
     """Return a point that the surface goes around once, or None if none is found.
 
-    Looked for halfway between two crossings of rays from ``near`` (3,) with the surface, in the widest ways first; of
-    those tried it is the one from which inward triangles cover the least, or the first from which it is little.
+    Looked for halfway between two crossings of rays from ``near`` (3,) with the surface, in the widest ways first that
+    are within it once, as the crossings further out tell; of those tried it is the one from which inward triangles
+    cover the least, or the first from which it is little.
 
     Args:
         V: (n, 3) positions.
@@ -76,8 +77,11 @@ def centre_inside(
     """
     rays = _rays()
     ways: list[tuple[float, Floats]] = []  # how wide, and the middle
-    for ray, at in zip(rays, _crossings(V, F, near, rays), strict=True):
-        ways += [(float(y - x), near + (x + y) / 2 * ray) for x, y in pairwise(np.sort(at))]
+    for ray, (at, leaves) in zip(rays, _crossings(V, F, near, rays), strict=True):
+        order = np.argsort(at, kind="stable")
+        further = np.cumsum(leaves[order][::-1])[::-1]  # winding number before each crossing
+        within = zip(pairwise(at[order]), further[1:], strict=True) if len(at) else ()
+        ways += [(float(y - x), near + (x + y) / 2 * ray) for (x, y), winding in within if winding == 1]
     ways.sort(key=lambda way: -way[0])
     least, found = np.inf, None
     for _, middle in ways[:TRIED]:
@@ -89,9 +93,19 @@ def centre_inside(
     return found
 
 
-def _crossings(V: Floats, F: Indices, near: Floats, rays: Floats) -> list[Floats]:
-    """How far from where they begin each ray (k, 3) crosses triangles: those of whose edges it is on the same side."""
-    found: list[list[Floats]] = [[] for _ in rays]
+def on_a_sphere(V: Floats, centre: Floats) -> Floats:
+    """(n, 3) V in their directions from the centre, all at their mean distance from it."""
+    spokes = V - centre
+    radii = measures.norm(spokes)
+    return np.asfortranarray(centre + (radii.mean() / radii)[:, None] * spokes)
+
+
+def _crossings(V: Floats, F: Indices, near: Floats, rays: Floats) -> list[tuple[Floats, Floats]]:
+    """How far from where they begin each ray (k, 3) crosses triangles: those of whose edges it is on the same side.
+
+    With 1 where it leaves the inside of the surface by that, and -1 where it enters it.
+    """
+    found: list[list[tuple[Floats, Floats]]] = [[] for _ in rays]
     for corners in _corners(V, F):
         a, b, c = (corner - near for corner in corners)
         edges = [measures.cross(p, q) for p, q in ((a, b), (b, c), (c, a))]
@@ -103,8 +117,8 @@ def _crossings(V: Floats, F: Indices, near: Floats, rays: Floats) -> list[Floats
             crossed = (slope != 0) & (height * slope > 0)
             for side in sides:
                 crossed &= side * slope >= 0
-            at.append(height[crossed] / slope[crossed])
-    return [np.concatenate(at) for at in found]
+            at.append((height[crossed] / slope[crossed], np.sign(slope[crossed])))
+    return [(np.concatenate([x for x, _ in at]), np.concatenate([y for _, y in at])) for at in found]
 
 
 def _corners(V: Floats, F: Indices) -> Iterator[tuple[Floats, Floats, Floats]]:

@@ -86,6 +86,19 @@ def test_a_point_inside_once_is_found_from_one_inside_twice(engine):
 
 
 @pytest.mark.parametrize("engine", ENGINES)
+def test_a_point_inside_once_is_found_however_narrow_what_lies_around_it(engine):
+    """All wide ways lead through what is within several balls at once."""
+    ball = icosphere(6)
+    radii = (1.0, 0.95, 0.6, 0.3)
+    V = np.vstack([radius * ball.vertices for radius in radii])
+    mesh = TriangleMesh(V, np.vstack([ball.faces + i * len(ball.vertices) for i in range(len(radii))]))
+    near = np.array([0.01, 0.02, 0.03])
+    assert seen_from(near, mesh).degree == len(radii)
+    found = kernel(mesh, engine).centre_inside(mesh.vertices, near)
+    assert seen_from(found, mesh).degree == 1
+
+
+@pytest.mark.parametrize("engine", ENGINES)
 def test_none_is_found_where_there_is_none(engine):
     ball = icosphere(4)
     inward = TriangleMesh(ball.vertices, np.ascontiguousarray(ball.faces[:, ::-1]))

@@ -3,12 +3,14 @@
     NORMALS ──── round enough ───> SPHERE ── all outward, radii equal ──> SMOOTHING
        └── no rounder ─> FOLDED ─────┘  │└─────── folds again ───────────────┘│
                                         └──── thin, or again ────> STAR <─────┘ no rounder
+                                                                    └── over, and not round enough ──> FINISH
 
 Of what gets no rounder, FOLDED takes the roundest state; and, as NORMALS does late in a run, another point than the
 centroid to see directions from, if from there they cover the sphere otherwise than once: nothing on the sphere can
 change that. Where the covering is lost on the way, or folds remain, SPHERE begins anew from what it began with, more
 carefully each time. Where that does not do, or no such point is found, it goes back to NORMALS and to the end. A
-surface that has become round ends in NORMALS, SMOOTHING or STAR; in SPHERE ends only what gets no better there.
+surface that has become round ends in NORMALS, SMOOTHING or STAR; in SPHERE ends only what gets no better there, and in
+FINISH what so few or so uneven triangles are that the others left it short of Ψ 0.995.
 """
 
 from __future__ import annotations
@@ -18,10 +20,15 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from spherify.geometry.config import LATE
 from spherify.geometry.progress import Progress
 from spherify.geometry.roundness import Shape
 from spherify.geometry.unfolding import Unfolded
 
+LATE_ENOUGH: Final = 0.8  # sphericity from which on a surface is round enough after LATE iterations
+LATER_LESS: Final = (
+    1e-3  # by which that falls with each iteration more: what is wound tightly may rise no further
+)
 PLATEAU_RISE: Final = 1e-4  # a smaller rise of the best sphericity counts as none
 LOOKED_EVERY: Final = 10  # iterations between two looks for folds; and without a rise, for the end
 THIN: Final = 1e-5  # a triangle of less than this share of the mean area is as good as a fold
@@ -30,7 +37,16 @@ VANISHING: Final = 3e-6  # triangles of less than this share of the mean area ar
 SETTLED: Final = 5e-3  # radius variation below which T takes over from the evening out of radii
 WAITED: Final = 50  # iterations, after which it does in any case
 GIVEN_UP: Final = np.inf  # no sphericity exceeds it: nothing is waited for any more
+SHORT: Final = 0.995  # sphericity below which what gets no rounder by T and the climb is finished
+RISE: Final = 5e-6  # of the sphericity, for another iteration of that; each is of many steps
 CAREFUL: Final = 0.1  # of the step, that T along the radii begins with; longer ones make it rough again
+
+STILL_WOUND: Final = (
+    "the surface, wound around itself, could not be unwound: the run went back to before that was tried"
+)
+NO_ROUNDER: Final = (
+    f"the sphericity did not rise by {RISE:g} any more as radii and directions climbed together"
+)
 
 
 class Phase(IntEnum):
@@ -41,6 +57,7 @@ class Phase(IntEnum):
     SPHERE = 2  # radii are evened out, and directions unfolded
     SMOOTHING = 3  # T along the normals of what looks outward everywhere
     STAR = 4  # T along the radii, and directions climb to the greatest sphericity; nothing folds any more
+    FINISH = 5  # T has ended; radii and directions climb together
 
 
 class Control(NamedTuple):
@@ -103,6 +120,15 @@ class Control(NamedTuple):
         """Return it as STAR begins."""
         return Control(0.0, CAREFUL, shape.sphericity, 0, Phase.STAR, self.times)
 
+    def as_finish(self, shape: Shape) -> Control:
+        """Return it as FINISH begins."""
+        return Control(0.0, self.annealing, shape.sphericity, 0, Phase.FINISH, self.times)
+
+    def climbed(self, shape: Shape) -> Control:
+        """Return it after an iteration of FINISH."""
+        waited = 0 if shape.sphericity > self.plateau + RISE else self.waited + 1
+        return self._replace(plateau=max(self.plateau, shape.sphericity), waited=waited)
+
     @property
     def spreads(self) -> bool:
         """Whether triangles are to be drawn apart: some have all but vanished."""
@@ -145,3 +171,9 @@ class Control(NamedTuple):
 def grown(momentum: float) -> float:
     """Return (k + 1)/(k + 4) for k/(k + 3)."""
     return (1 + 2 * momentum) / (4 - momentum)
+
+
+def round_enough(iteration: int, enough: float) -> float:
+    """Return the sphericity from which on SPHERE may begin; ``enough`` is that before LATE iterations."""
+    late = iteration - LATE
+    return enough if late < 0 else min(enough, LATE_ENOUGH - LATER_LESS * late)

@@ -2,8 +2,8 @@
 
 T moves along the normals until the surface is nearly round; then the radii are evened out and folds undone, on the
 sphere; then T goes on along the normals, while nothing folds and it gets rounder; and in the end along the radii, while
-directions climb to the greatest sphericity, neither of which turns a face. The phases and the rules between them are
-`spherify.geometry.methods.control`.
+directions climb to the greatest sphericity, neither of which turns a face. What is not round enough after that is
+finished by both together. The phases and the rules between them are `spherify.geometry.methods.control`.
 
 Vartziotis, "Curvature transformation", arXiv:1608.03898, section 2. Momentum, annealing and unfolding are ours; the
 momentum is that of Nesterov, with the restarts of O'Donoghue and Candès, "Adaptive restart for accelerated gradient
@@ -18,19 +18,24 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from spherify.geometry import measures
 from spherify.geometry.ascent import MOMENTUM
 from spherify.geometry.config import LATE, FlowConfig, Stage, Unfolding
+from spherify.geometry.covering import on_a_sphere
+from spherify.geometry.finish import finished
 from spherify.geometry.kernels import Engine, Kernel
 from spherify.geometry.mesh import Floats
 from spherify.geometry.methods.control import (
     GIVEN_UP,
     LOOKED_EVERY,
+    NO_ROUNDER,
     PLATEAU_RISE,
+    SHORT,
+    STILL_WOUND,
     WAITED,
     Control,
     Phase,
     grown,
+    round_enough,
 )
 from spherify.geometry.methods.interface import Standstill, Step
 from spherify.geometry.metrics import Figures
@@ -40,24 +45,16 @@ from spherify.geometry.schedule import stage_at
 from spherify.geometry.topology import Topology
 from spherify.geometry.unfolding import Unfolded
 
-STILL_WOUND: Final = (
-    "the surface, wound around itself, could not be unwound: the run went back to before that was tried"
-)
 OF_UNIT: Final = {  # after a step
     "absolute": "",
     "initial-mean-edge": " of the mean edge at the start",
     "mean-edge": " of the mean edge",
 }
 STANDSTILL: Final = "the curvature is the same at every vertex, so the transformation does not move any"
-ROUND_ENOUGH: Final = (
-    0.2  # radius variation below which it is on the sphere that a run goes on when it is stuck
-)
-LATE_ENOUGH: Final = 0.8  # sphericity from which on it is after LATE iterations
-LATER_LESS: Final = (
-    1e-3  # by which that falls with each iteration more: what is wound tightly may rise no further
-)
+ROUND_ENOUGH: Final = 0.2  # radius variation below which a run that is stuck goes on upon the sphere
 ROUND: Final = 0.999  # sphericity from which on equal radii soon end a run; a lower one may still rise
 TURNED: Final = 0.1  # share of the sphere that inward faces may cover; more are no folds but a cavity
+FALLEN: Final = 0.01  # of the sphericity; by less it goes to and fro while it rises
 PATIENCES: Final = 4  # of the annealing, that something may take on the sphere to get better
 LEAST_ROUNDS: Final = 2  # of unfolding after an iteration, however often it began anew
 WEIGHT_DAMPING: Final = 1.2  # over the exponent: share of the way the weights go; more, and they swing
@@ -94,6 +91,7 @@ class CurvatureTransformation:
         self._read: tuple[Memory, Control] | None = None  # of the last state that was asked about
         self._decided: tuple[Progress, Next] | None = None  # what follows a state
         self._engine, self._topology = engine, topology
+        self._faces = topology.faces  # those of the mesh
         self._unit = unit
         self._initial_mean_edge = 0.0
         self._measures_edges = True  # at the start, whatever the unit of the step
@@ -176,7 +174,9 @@ class CurvatureTransformation:
                 f"neither the radius variation, now {progress.shape.radius_variation:.2e}, nor the number of faces "
                 f"that look inward, at best {control.fewest:.0f}, fell in {control.waited:.0f} iterations on the sphere"
             )
-        if self._config.step * control.annealing >= annealing.min_step:
+        if control.phase == Phase.FINISH:
+            return NO_ROUNDER if control.waited else None
+        if not self._annealed_down(control) or self._short(progress):
             return None
         return (
             f"the best sphericity {progress.best_shape.sphericity:.6f} did not rise by {PLATEAU_RISE:g} while the "
@@ -196,6 +196,8 @@ class CurvatureTransformation:
                 return self.advance(progress)
             self._folds = found
             return found.positions
+        if control.phase == Phase.FINISH:
+            return finished(here, self._faces, centre)
         if control.phase == Phase.STAR:
             ahead = here
             if control.momentum > 0:
@@ -218,9 +220,11 @@ class CurvatureTransformation:
         """
         control, _, before = self._next(progress)
         weights, centre = progress.memory["log_weights"], shape.centroid
-        if control.phase in {Phase.SPHERE, Phase.STAR}:  # a centre that drifts makes folds
+        if control.phase in {Phase.SPHERE, Phase.STAR, Phase.FINISH}:  # a centre that drifts makes folds
             centre = shape.centroid + factor * (before - shape.centroid)
-        if self._folds is None:
+        if control.phase == Phase.FINISH:
+            after = control.climbed(shape)
+        elif self._folds is None:
             after = self._annealed(control, progress, shape)
         else:
             after = control.evened(shape, self._folds)
@@ -259,6 +263,15 @@ class CurvatureTransformation:
             shape.sphericity < self._unfolding.sphericity and shape.radius_variation < ROUND_ENOUGH
         )
 
+    def _annealed_down(self, control: Control) -> bool:
+        """Whether the step has become too small to go on."""
+        annealing = self._config.annealing
+        return annealing is not None and self._config.step * control.annealing < annealing.min_step
+
+    def _short(self, progress: Progress) -> bool:
+        """Whether a run that goes along the radii has not become round enough to end with that."""
+        return self._control(progress).phase == Phase.STAR and progress.shape.sphericity < SHORT
+
     def _control(self, progress: Progress) -> Control:
         """Return the control of a state, read once."""
         if self._read is None or self._read[0] is not progress.memory:
@@ -273,7 +286,7 @@ class CurvatureTransformation:
 
     def _decision(self, progress: Progress) -> Next:
         control, looked = self._control(progress), progress.iteration % LOOKED_EVERY == 0
-        here, centre = progress.position, progress.memory["centre"]
+        here, centre, reached = progress.position, progress.memory["centre"], progress.shape.sphericity
         if self._unfolding is None:
             return Next(control, here, centre)
         if control.phase == Phase.SMOOTHING:
@@ -288,21 +301,25 @@ class CurvatureTransformation:
             control.phase == Phase.NORMALS
             and looked
             and not control.given_up
-            and self._round_enough(progress)
+            and reached >= round_enough(progress.iteration, self._unfolding.sphericity)
         ):
             seen = self._kernel.covering(here, centre)
             if seen.turned < TURNED and seen.degree == 1:
                 control = self._begun(here, centre, control)
-            elif seen.turned < TURNED and progress.iteration >= LATE:  # T may unwind it, but takes long
+            elif progress.iteration >= LATE and reached >= progress.best_shape.sphericity - FALLEN:
+                # T may unwind it, but takes long. What was rounder before waits for FOLDED, which goes back to that.
                 return self._about_another_point(here, centre, control) or Next(control, here, centre)
         elif control.phase == Phase.SPHERE and control.inward:
             # What moves far may pass the centre.
             lost = looked and self._kernel.covering(here, centre).degree != 1
             if lost or self._no_better(control):
                 return self._anew(progress, control)
-        elif control.phase == Phase.STAR and looked:
-            inward = self._kernel.figures(here, progress.shape.centroid).inward_faces
-            centre = centre if inward else progress.shape.centroid
+        elif control.phase == Phase.STAR:
+            if looked:
+                inward = self._kernel.figures(here, progress.shape.centroid).inward_faces
+                centre = centre if inward else progress.shape.centroid
+            if self._short(progress) and self._annealed_down(control):
+                control = control.as_finish(progress.shape)
         return Next(control, here, centre)
 
     def _onto_the_sphere(self, progress: Progress, control: Control, here: Floats) -> Next:
@@ -317,7 +334,7 @@ class CurvatureTransformation:
         inside = self._kernel.centre_inside(V, centre)
         if inside is None:
             return None
-        here = _on_a_sphere(V, inside)  # uneven radii about it may enclose less than nothing
+        here = on_a_sphere(V, inside)  # uneven radii about it may enclose less than nothing
         return Next(self._begun(here, inside, control), here, inside)
 
     def _anew(self, progress: Progress, control: Control) -> Next:
@@ -357,14 +374,6 @@ class CurvatureTransformation:
             return begun
         return control.as_star(progress.shape) if over else control
 
-    def _round_enough(self, progress: Progress) -> bool:
-        """Whether it is for the part on the sphere to begin, if only the sphere is covered once."""
-        enough = 0.0 if self._unfolding is None else self._unfolding.sphericity
-        late = progress.iteration - LATE
-        if late >= 0:
-            enough = min(enough, LATE_ENOUGH - LATER_LESS * late)
-        return progress.shape.sphericity >= enough
-
     def _begun(self, V: Floats, centre: Floats, control: Control) -> Control:
         """Return the control with which a part on the sphere begins, from V (n, 3) and about the centre."""
         return control.on_the_sphere(*self._kernel.folds(V, centre))
@@ -390,10 +399,3 @@ class CurvatureTransformation:
         if control.spreads:
             return self._kernel.spread(moved, centre, self._rounds)
         return Unfolded(moved, log_weights, int(control.inward), control.least_area)
-
-
-def _on_a_sphere(V: Floats, centre: Floats) -> Floats:
-    """(n, 3) V in their directions from the centre, all at their mean distance from it."""
-    spokes = V - centre
-    radii = measures.norm(spokes)
-    return np.asfortranarray(centre + (radii.mean() / radii)[:, None] * spokes)
