@@ -23,7 +23,11 @@ from spherify.geometry import measures
 from spherify.geometry.mesh import Floats, Ints
 
 LOWER: Final = 0.03  # of the barrier; less leaves triangles of less area, and is no rounder
-STEPS: Final = 200  # in an iteration: what is remembered of them does not outlive it
+STEPS: Final = 200  # in an iteration, at most: what is remembered of them does not outlive it
+FEWEST: Final = 8
+WORK: Final = (
+    400_000  # steps times vertices of an iteration, about a second: a run is heard and cancelled between two
+)
 REMEMBERED: Final = 15
 HALVINGS: Final = 30
 FALLS: Final = 1e-4  # share of the fall that the slope promises, which is enough
@@ -39,6 +43,11 @@ class _Energy(NamedTuple):
     radial: Floats
 
 
+def steps_of(n: int) -> int:
+    """Return how many steps an iteration has of n vertices."""
+    return min(max(WORK // n, FEWEST), STEPS)
+
+
 def finished(V: Floats, F: Ints, centre: Floats) -> Floats:
     """Return (n, 3) positions of less energy; V as it is where something does not look outward, or nothing falls.
 
@@ -52,7 +61,7 @@ def finished(V: Floats, F: Ints, centre: Floats) -> Floats:
     P = np.asfortranarray((V - centre) / size)
     at = _energy(P, F)
     pairs: list[tuple[Floats, Floats, float]] = []  # moves, what the gradient changed by, and their product
-    for _ in range(STEPS):
+    for _ in range(steps_of(len(V))):
         if at is None:
             return V
         move = -_solved(at, P, pairs)

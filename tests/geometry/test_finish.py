@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from spherify.geometry import measures
-from spherify.geometry.finish import _energy, finished
+from spherify.geometry.finish import FEWEST, STEPS, WORK, _energy, finished, steps_of
 from spherify.geometry.flow import FlowState, StopReason, flow
 from spherify.geometry.methods import curvature
 from spherify.geometry.methods.control import SHORT, Control, Phase
@@ -57,6 +57,18 @@ def test_it_gets_rounder_and_no_face_is_turned():
     assert inward_faces(moved, mesh.faces, CENTRE) == 0
     areas = measures.face_areas(moved, mesh.faces)
     assert areas.min() > 1e-3 * areas.mean()
+
+
+def test_an_iteration_is_no_longer_on_more_vertices(monkeypatch):
+    assert steps_of(500) == STEPS
+    assert [steps_of(n) * n for n in (4_000, 40_000)] == [WORK, WORK]
+    assert steps_of(10**7) == FEWEST
+    mesh = uneven_sphere(6)
+    V = np.asfortranarray(mesh.vertices)
+    monkeypatch.setattr("spherify.geometry.finish.WORK", 20 * len(V))
+    some = finished(V, mesh.faces, CENTRE)
+    monkeypatch.undo()
+    assert roundness(V, mesh) < roundness(some, mesh) < roundness(finished(V, mesh.faces, CENTRE), mesh)
 
 
 def test_what_does_not_look_outward_stays_as_it_is():

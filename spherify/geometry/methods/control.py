@@ -21,6 +21,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from spherify.geometry.config import LATE
+from spherify.geometry.finish import STEPS
 from spherify.geometry.progress import Progress
 from spherify.geometry.roundness import Shape
 from spherify.geometry.unfolding import Unfolded
@@ -38,15 +39,19 @@ SETTLED: Final = 5e-3  # radius variation below which T takes over from the even
 WAITED: Final = 50  # iterations, after which it does in any case
 GIVEN_UP: Final = np.inf  # no sphericity exceeds it: nothing is waited for any more
 SHORT: Final = 0.995  # sphericity below which what gets no rounder by T and the climb is finished
-RISE: Final = 5e-6  # of the sphericity, for another iteration of that; each is of many steps
+RISE: Final = 5e-6  # of the sphericity in STEPS, for another iteration of that
 CAREFUL: Final = 0.1  # of the step, that T along the radii begins with; longer ones make it rough again
 
+OF_UNIT: Final = {  # after a step
+    "absolute": "",
+    "initial-mean-edge": " of the mean edge at the start",
+    "mean-edge": " of the mean edge",
+}
+STANDSTILL: Final = "the curvature is the same at every vertex, so the transformation does not move any"
 STILL_WOUND: Final = (
     "the surface, wound around itself, could not be unwound: the run went back to before that was tried"
 )
-NO_ROUNDER: Final = (
-    f"the sphericity did not rise by {RISE:g} any more as radii and directions climbed together"
-)
+NO_ROUNDER: Final = f"the sphericity did not rise by {RISE:g} in {STEPS} steps any more as radii and directions climbed together"
 
 
 class Phase(IntEnum):
@@ -124,9 +129,10 @@ class Control(NamedTuple):
         """Return it as FINISH begins."""
         return Control(0.0, self.annealing, shape.sphericity, 0, Phase.FINISH, self.times)
 
-    def climbed(self, shape: Shape) -> Control:
-        """Return it after an iteration of FINISH."""
-        waited = 0 if shape.sphericity > self.plateau + RISE else self.waited + 1
+    def climbed(self, shape: Shape, steps: int) -> Control:
+        """Return it after an iteration of FINISH, of so many steps."""
+        rise = RISE * steps / STEPS
+        waited = 0 if shape.sphericity > self.plateau + rise else self.waited + 1
         return self._replace(plateau=max(self.plateau, shape.sphericity), waited=waited)
 
     @property

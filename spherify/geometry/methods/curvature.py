@@ -21,15 +21,17 @@ import numpy as np
 from spherify.geometry.ascent import MOMENTUM
 from spherify.geometry.config import LATE, FlowConfig, Stage, Unfolding
 from spherify.geometry.covering import on_a_sphere
-from spherify.geometry.finish import finished
+from spherify.geometry.finish import finished, steps_of
 from spherify.geometry.kernels import Engine, Kernel
 from spherify.geometry.mesh import Floats
 from spherify.geometry.methods.control import (
     GIVEN_UP,
     LOOKED_EVERY,
     NO_ROUNDER,
+    OF_UNIT,
     PLATEAU_RISE,
     SHORT,
+    STANDSTILL,
     STILL_WOUND,
     WAITED,
     Control,
@@ -45,12 +47,6 @@ from spherify.geometry.schedule import stage_at
 from spherify.geometry.topology import Topology
 from spherify.geometry.unfolding import Unfolded
 
-OF_UNIT: Final = {  # after a step
-    "absolute": "",
-    "initial-mean-edge": " of the mean edge at the start",
-    "mean-edge": " of the mean edge",
-}
-STANDSTILL: Final = "the curvature is the same at every vertex, so the transformation does not move any"
 ROUND_ENOUGH: Final = 0.2  # radius variation below which a run that is stuck goes on upon the sphere
 ROUND: Final = 0.999  # sphericity from which on equal radii soon end a run; a lower one may still rise
 TURNED: Final = 0.1  # share of the sphere that inward faces may cover; more are no folds but a cavity
@@ -223,7 +219,7 @@ class CurvatureTransformation:
         if control.phase in {Phase.SPHERE, Phase.STAR, Phase.FINISH}:  # a centre that drifts makes folds
             centre = shape.centroid + factor * (before - shape.centroid)
         if control.phase == Phase.FINISH:
-            after = control.climbed(shape)
+            after = control.climbed(shape, steps_of(self._n))
         elif self._folds is None:
             after = self._annealed(control, progress, shape)
         else:
