@@ -51,7 +51,9 @@ STANDSTILL: Final = "the curvature is the same at every vertex, so the transform
 STILL_WOUND: Final = (
     "the surface, wound around itself, could not be unwound: the run went back to before that was tried"
 )
-NO_ROUNDER: Final = f"the sphericity did not rise by {RISE:g} in {STEPS} steps any more as radii and directions climbed together"
+NO_ROUNDER: Final = (
+    f"the sphericity did not rise by {RISE:g} in {STEPS} steps any more, in which radii and directions climb together"
+)
 
 
 class Phase(IntEnum):
