@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -16,6 +17,7 @@ from spherify.geometry.flow import flow
 from spherify.geometry.kernels import ENGINES, Engine, get_engine
 from spherify.geometry.mesh import Floats, TriangleMesh
 from spherify.geometry.presets import PRESETS
+from spherify.geometry.roundness import Wanted
 from spherify.geometry.samples import SAMPLES
 from spherify.geometry.topology import Topology
 
@@ -80,16 +82,17 @@ def chained(
     config = configuration(preset)
     kernel = engine.prepare(Topology.of(len(mesh.vertices), mesh.faces), config)
     V, stage = np.asfortranarray(mesh.vertices), _stage(config)
-    edges = config.step_unit == "mean-edge"  # which a run asks for then
+    least = math.inf if config.unfolding else config.stop_radius_variation
+    wanted = Wanted(config.step_unit == "mean-edge", least)  # as a run wants it
 
     def once() -> Floats:
         nonlocal V
-        moved = kernel.transform(V, stage, STEP, config.relaxation, measured=measured, edges=edges)
+        moved = kernel.transform(V, stage, STEP, config.relaxation, measured=wanted if measured else None)
         if moved is None:
             raise ValueError("the curvature is the same everywhere")
         V = moved
         if measured:
-            kernel.shape(V, edges=edges)
+            kernel.shape(V, wanted)
         return V
 
     return once

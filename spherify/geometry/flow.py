@@ -8,8 +8,9 @@ The caller decides what to keep and when to leave; nothing here knows of files, 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property, partial
 from typing import Any, Final
@@ -254,8 +255,12 @@ class _Run:
 
     def metrics(self, progress: Progress) -> Metrics:
         """Return the figures of a state, in the unit of the mesh."""
+        shape = progress.shape
+        if math.isnan(shape.radius_variation):  # which a run did not need to know
+            whole = self.method.shape(progress.position, whole=True)
+            shape = replace(shape, radius_variation=whole.radius_variation)
         return Metrics.of(
-            progress.shape,
+            shape,
             self.method.figures(progress.position, progress.shape.centroid),
             measure=self._config.measure,
             step=self.method.step(progress),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -13,6 +13,22 @@ from spherify.geometry.mesh import Floats
 from spherify.geometry.topology import Topology
 
 NEARLY: Final = 0.7  # least over greatest radius; ellipsoids of sphericity 0.99 have 0.79
+
+
+class Wanted(NamedTuple):
+    """What is wanted of a shape, of that which takes time.
+
+    Attributes:
+        edges: the mean edge.
+        variation: the radius variation, if it is less than this.
+
+    """
+
+    edges: bool = True
+    variation: float = math.inf
+
+
+ALL: Final = Wanted()
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,9 +40,9 @@ class Shape:
         volume: signed, length³, positive when the normals point outward; for an open mesh that of the cone over
             it from its centroid.
         centroid: (3,) area-weighted centroid of the surface.
-        mean_edge: mean length of all edges; nan where it was not asked for.
+        mean_edge: mean length of all edges; nan where it was not wanted.
         radius_variation: area-weighted standard deviation of |p - centroid| over its mean; 0 on a round sphere
-            whatever its triangles.
+            whatever its triangles; may be nan where it is greater than was `Wanted`.
 
     """
 
@@ -54,7 +70,7 @@ class Shape:
     @property
     def finite(self) -> bool:
         """Whether every number is finite that no coordinate is left out of."""
-        return all(map(math.isfinite, (self.area, self.volume, self.radius_variation)))
+        return math.isfinite(self.area) and math.isfinite(self.volume)
 
 
 def sphericity(area: float, volume: float) -> float:
@@ -84,8 +100,8 @@ def radius_variation(V: Floats, centre: Floats, weights: Floats) -> float:
     return float(np.sqrt((weights * (distances - mean) ** 2).sum() / total)) / mean
 
 
-def shape_of(V: Floats, topology: Topology, *, edges: bool = True) -> Shape:
-    """Measure positions (n, 3) over a connectivity; ``edges``: with their mean length."""
+def shape_of(V: Floats, topology: Topology, wanted: Wanted = ALL) -> Shape:
+    """Measure positions (n, 3) over a connectivity."""
     F = topology.faces
     areas = measures.face_areas(V, F)
     centroid = measures.area_centroid(V, F, areas)
@@ -93,6 +109,6 @@ def shape_of(V: Floats, topology: Topology, *, edges: bool = True) -> Shape:
         area=float(areas.sum()),
         volume=measures.volume(V, F, centroid),
         centroid=centroid,
-        mean_edge=float(measures.edge_lengths(V, topology.edges).mean()) if edges else math.nan,
+        mean_edge=float(measures.edge_lengths(V, topology.edges).mean()) if wanted.edges else math.nan,
         radius_variation=radius_variation(V, centroid, measures.sum_at_vertices(areas, F, len(V)) / 3),
     )

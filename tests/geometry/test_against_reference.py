@@ -18,7 +18,9 @@ from spherify.geometry.frame import Frame
 from spherify.geometry.kernels import ENGINES, get_engine
 from spherify.geometry.mesh import TriangleMesh
 from spherify.geometry.presets import PRESETS
+from spherify.geometry.roundness import Wanted
 from spherify.geometry.samples import SAMPLES
+from spherify.geometry.samples.solids import icosphere
 from spherify.geometry.topology import Topology
 from tests.geometry.shapes import (
     ROUNDING,
@@ -150,6 +152,23 @@ def test_shape(name, config):
         assert other.mean_edge == pytest.approx(one.mean_edge, rel=ROUNDING)
         assert other.radius_variation == pytest.approx(one.radius_variation, rel=ROUNDING, abs=1e-14)
         np.testing.assert_allclose(other.centroid, one.centroid, rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("measured", [False, True])
+@pytest.mark.parametrize("amount", [0.0, 1e-4, 1e-3, 1e-2, 0.1])
+def test_a_radius_variation_is_known_to_be_great_by_some_vertices(amount, measured):
+    """It is never said of one that is less; and said wherever it is much greater, without looking at all of them."""
+    mesh = icosphere(20)
+    V = mesh.vertices * (1 + amount * np.random.default_rng(3).uniform(-1, 1, (len(mesh.vertices), 1)))
+    kernel = get_engine("compiled").prepare(Topology.of(len(V), mesh.faces), PAPER)
+    if measured:
+        V = kernel.transform(V, Stage(1, 1, 0), 1e-9, 0.0, measured=Wanted(edges=False, variation=1e-3))
+    whole = kernel.shape(V).radius_variation
+    assert whole == pytest.approx(amount / 3**0.5, rel=0.1, abs=1e-6)
+    for bound in (0.0, 1e-5, 0.999 * whole, 1.001 * whole, 2 * whole, 1.0):
+        said = kernel.shape(V, Wanted(variation=bound)).radius_variation
+        assert said == whole or (np.isnan(said) and bound <= whole)
+        assert np.isnan(said) or not bound < whole / 20
 
 
 @pytest.mark.parametrize("name", ["stone, 1,500", "open"])

@@ -15,6 +15,7 @@ from spherify.geometry.kernels import compiled, numbering
 from spherify.geometry.kernels.compiled import CompiledEngine, CompiledKernel
 from spherify.geometry.mesh import Floats, TriangleMesh
 from spherify.geometry.presets import PRESETS
+from spherify.geometry.roundness import ALL, Wanted
 from spherify.geometry.topology import Topology
 from spherify.geometry.unfolding import Unfolded
 from tests.geometry.shapes import jittered, open_bump, pinched, uneven_sphere
@@ -32,6 +33,7 @@ MESHES = {
     "pinched": jittered(pinched(), 0.1),  # measured by faces, as are open ones
     "open": jittered(open_bump(9), 0.01),
 }
+ENDS = Wanted(edges=False, variation=0.05)
 CENTRE, ROUNDS = np.array([0.02, -0.01, 0.03]), 300
 ONE_EACH, MORE = Stage(1, 1, 0), Stage(1, 2, 1)
 Question = Callable[[CompiledKernel, Floats, Floats], Any]
@@ -41,9 +43,9 @@ QUESTIONS: list[Question] = [  # of positions and those before, the commonest fi
     lambda kernel, V, _: kernel.transform(V, ONE_EACH, 1e-3, 0.0),
     lambda kernel, V, _: kernel.transform(V, MORE, 1e-3, 0.5),
     lambda kernel, V, W: kernel.transform(V, MORE, 1e-3, 0.0, previous=W, momentum=0.5),
-    lambda kernel, V, _: kernel.transform(V, ONE_EACH, 1e-3, 0.0, measured=True, edges=False),
-    lambda kernel, V, _: kernel.shape(V, edges=False),
-    lambda kernel, V, W: kernel.transform(V, MORE, 1e-3, 0.5, previous=W, momentum=0.5, measured=True),
+    lambda kernel, V, _: kernel.transform(V, ONE_EACH, 1e-3, 0.0, measured=ENDS),
+    lambda kernel, V, _: kernel.shape(V, ENDS),
+    lambda kernel, V, W: kernel.transform(V, MORE, 1e-3, 0.5, previous=W, momentum=0.5, measured=ALL),
     lambda kernel, V, _: kernel.covering(V, CENTRE),
     lambda kernel, V, _: kernel.folds(V, CENTRE),
     lambda kernel, V, _: kernel.scaled(V, CENTRE, 1.001),

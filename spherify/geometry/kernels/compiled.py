@@ -57,7 +57,7 @@ from spherify.geometry.kernels.sphere import OnTheSphere
 from spherify.geometry.kernels.team import Team
 from spherify.geometry.mesh import Floats
 from spherify.geometry.metrics import Figures
-from spherify.geometry.roundness import Shape
+from spherify.geometry.roundness import ALL, Shape, Wanted
 from spherify.geometry.topology import Topology
 
 CURVED: Final = VERTICES + EXTREMES
@@ -87,13 +87,15 @@ class Known(NamedTuple):
     Attributes:
         rows: whether the rows are as they are.
         curved: of their curvature and normals, if those are in the buffers.
-        shape: the surface.
+        shape: the surface, as far as it was
+        wanted: by whoever asked.
 
     """
 
     rows: bool = False
     curved: Found | None = None
     shape: Shape | None = None
+    wanted: Wanted = ALL
 
 
 class CompiledKernel:
@@ -162,22 +164,23 @@ class CompiledKernel:
         *,
         previous: Floats | None = None,
         momentum: float = 0.0,
-        measured: bool = False,
-        edges: bool = True,
+        measured: Wanted | None = None,
     ) -> Floats | None:
         """See `spherify.geometry.kernels.interface.Kernel.transform`."""
         known = self._load(V)
         if previous is not None and momentum > 0:
             self._go_ahead(V, previous, float(momentum))
             known = Known()
-        measured = measured and self._has_rings
+        if not self._has_rings:
+            measured = None
         passes = CURVED + MOVE + HOLD + (0 if known.rows else ROWS)
         task = self._task(
-            passes=passes + (self._measuring(edges=edges) if measured else 0),
+            passes=passes + (0 if measured is None else self._measuring(measured)),
             k_in=stage.k_in,
             k_out=stage.k_out,
             step=float(step),
             relaxation=float(relaxation),
+            variation=math.inf if measured is None else measured.variation,
         )
         if known.curved is not None and relaxation <= 0:  # which weighs areas, that are not known
             task = task._replace(known=True, K_min=known.curved.K_min, K_max=known.curved.K_max)
@@ -189,7 +192,7 @@ class CompiledKernel:
         if found.end == NOT_FINITE:
             return self._reference.transform(V, stage, step, relaxation, previous=previous, momentum=momentum)
         moved = self._positions.unloaded()
-        self._known = self._seen(found, edges=edges)[0] if measured else Known(rows=True)
+        self._known = Known(rows=True) if measured is None else self._seen(found, measured)[0]
         return moved
 
     def transform_radially(self, V: Floats, stage: Stage, step: float, centre: Floats) -> Floats | None:
@@ -204,17 +207,18 @@ class CompiledKernel:
             self._sphere.step(centre, found.K_min, found.K_max, along)
         return self._positions.unloaded()
 
-    def shape(self, V: Floats, *, edges: bool = True) -> Shape:
+    def shape(self, V: Floats, wanted: Wanted = ALL) -> Shape:
         """See `spherify.geometry.kernels.interface.Kernel.shape`."""
         known = self._load(V, to_move=False)
-        if known.shape is not None and edges != math.isnan(known.shape.mean_edge):
+        if known.shape is not None and known.wanted == wanted:
             return known.shape
         if self._has_rings:
-            passes = self._measuring(edges=edges) + (0 if known.rows else ROWS)
-            self._known, shape = self._seen(self._together(self._task(passes=passes)), edges=edges)
+            passes = self._measuring(wanted) + (0 if known.rows else ROWS)
+            task = self._task(passes=passes, variation=wanted.variation)
+            self._known, shape = self._seen(self._together(task), wanted)
         else:
-            shape = self._shape_of(self._faces.measure(self._use.position, self._use.curvature), edges=edges)
-            self._known = Known(known.rows, None, shape)  # the memory of its curvature was needed
+            shape = self._shape_of(self._faces.measure(self._use.position, self._use.curvature), wanted)
+            self._known = Known(known.rows, None, shape, wanted)  # the memory of its curvature was needed
         return shape
 
     def figures(self, V: Floats, centre: Floats) -> Figures:
@@ -224,7 +228,7 @@ class CompiledKernel:
         if curved is None:
             passes = VERTICES + (0 if known.rows else ROWS)
             curved = self._together(self._task(passes=passes, k_in=1))
-            self._known = Known(True, curved, known.shape)
+            self._known = known._replace(rows=True, curved=curved)
         if curved.end == NOT_FINITE:
             return self._reference.figures(V, centre)
         return self._faces.figures(self._use.position, centre, curved)
@@ -252,25 +256,25 @@ class CompiledKernel:
         self._known = Known() if to_move else known
         return known
 
-    def _measuring(self, *, edges: bool) -> int:
+    def _measuring(self, wanted: Wanted) -> int:
         """Return the passes that measure, along with curvature and normals if the next step begins with them."""
-        return BY_RINGS + (BEYOND if self._goes_on and not edges else 0)
+        return BY_RINGS + (BEYOND if self._goes_on and not wanted.edges else 0)
 
-    def _seen(self, found: Found, *, edges: bool) -> tuple[Known, Shape]:
+    def _seen(self, found: Found, wanted: Wanted) -> tuple[Known, Shape]:
         """Return what is known after `_measuring`, and the shape."""
-        curved, shape = None, self._shape_of(self._use.whole, edges=edges)
-        if self._goes_on and not edges:
+        curved, shape = None, self._shape_of(self._use.whole, wanted)
+        if self._goes_on and not wanted.edges:
             curved = found._replace(end=NOT_FINITE) if math.isnan(found.K_min) else found
-        return Known(True, curved, shape), shape
+        return Known(True, curved, shape, wanted), shape
 
-    def _shape_of(self, measured: Floats, *, edges: bool) -> Shape:
+    def _shape_of(self, measured: Floats, wanted: Wanted) -> Shape:
         """Return the shape of the positions loaded from the sums of their surface."""
         area, volume, x, y, z, lengths, variation, _ = measured.tolist()
         if len(self._single):  # the sum over the faces has these once, all others twice
             position = self._use.position
             a, b = position[:, self._single[:, 0]], position[:, self._single[:, 1]]
             lengths += float(np.sqrt(((b - a) ** 2).sum(axis=0)).sum())
-        mean_edge = lengths / 2 / self._edge_count if edges else math.nan
+        mean_edge = lengths / 2 / self._edge_count if wanted.edges else math.nan
         return Shape(area, volume, np.array([x, y, z]), mean_edge, variation)
 
     def _task(self, **others: Any) -> Task:  # noqa: ANN401 - the rest of a Task

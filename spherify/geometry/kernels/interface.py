@@ -8,7 +8,7 @@ from spherify.geometry.config import FlowConfig, Stage
 from spherify.geometry.covering import Covering
 from spherify.geometry.mesh import Floats
 from spherify.geometry.metrics import Figures
-from spherify.geometry.roundness import Shape
+from spherify.geometry.roundness import ALL, Shape, Wanted
 from spherify.geometry.topology import Topology
 from spherify.geometry.unfolding import Unfolded
 
@@ -25,8 +25,7 @@ class Kernel(Protocol):
         *,
         previous: Floats | None = None,
         momentum: float = 0.0,
-        measured: bool = False,
-        edges: bool = True,
+        measured: Wanted | None = None,
     ) -> Floats | None:
         """Apply T_(k_in, k_out, C) once: k_in inward, then k_out outward elementary steps.
 
@@ -37,8 +36,7 @@ class Kernel(Protocol):
             relaxation: fraction of the tangential umbrella vector after each elementary step.
             previous: (n, 3) positions to go on from: T begins at p + ``momentum`` (p - p_previous).
             momentum: see above; 0 without ``previous``.
-            measured: whether `shape` of what comes of it is asked for next, which may then be had by the way.
-            edges: of that.
+            measured: what `shape` of what comes of it is asked for next, which may then be had by the way; None: not.
 
         Returns:
             (n, 3) new positions, not necessarily finite; None if the curvature became constant, for then t is
@@ -96,12 +94,12 @@ class Kernel(Protocol):
         """Do what `spherify.geometry.unfolding.folds` does, of the directions of V (n, 3) from ``centre`` (3,)."""
         ...
 
-    def shape(self, V: Floats, *, edges: bool = True) -> Shape:
+    def shape(self, V: Floats, wanted: Wanted = ALL) -> Shape:
         """Measure the surface as a whole; numbers that are not finite are passed on.
 
         Args:
             V: (n, 3) positions.
-            edges: whether the mean edge is wanted; that of an engine may cost half of the rest.
+            wanted: what of it; the mean edge may cost half of the rest.
 
         """
         ...

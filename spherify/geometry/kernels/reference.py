@@ -14,7 +14,7 @@ from spherify.geometry.covering import Covering, centre_inside, covering
 from spherify.geometry.curvature import curvature_from
 from spherify.geometry.mesh import Floats
 from spherify.geometry.metrics import Figures, figures_of
-from spherify.geometry.roundness import Shape, shape_of
+from spherify.geometry.roundness import ALL, Shape, Wanted, shape_of
 from spherify.geometry.topology import Topology
 from spherify.geometry.unfolding import Unfolded, ahead_along_radii, evened_out, folds, spread, unfolded
 
@@ -36,8 +36,7 @@ class ReferenceKernel:
         *,
         previous: Floats | None = None,
         momentum: float = 0.0,
-        measured: bool = False,
-        edges: bool = True,
+        measured: Wanted | None = None,  # of which nothing is had by the way
     ) -> Floats | None:
         """See `spherify.geometry.kernels.interface.Kernel.transform`."""
         if previous is not None and momentum > 0:
@@ -84,9 +83,9 @@ class ReferenceKernel:
         """See `spherify.geometry.kernels.interface.Kernel.folds`."""
         return folds(measures.normalised(V - centre), self._topology.faces)
 
-    def shape(self, V: Floats, *, edges: bool = True) -> Shape:
+    def shape(self, V: Floats, wanted: Wanted = ALL) -> Shape:
         """See `spherify.geometry.kernels.interface.Kernel.shape`."""
-        return shape_of(V, self._topology, edges=edges)
+        return shape_of(V, self._topology, wanted)
 
     def figures(self, V: Floats, centre: Floats) -> Figures:
         """See `spherify.geometry.kernels.interface.Kernel.figures`."""

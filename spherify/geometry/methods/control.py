@@ -52,7 +52,7 @@ STILL_WOUND: Final = (
     "the surface, wound around itself, could not be unwound: the run went back to before that was tried"
 )
 NO_ROUNDER: Final = (
-    f"the sphericity did not rise by {RISE:g} in {STEPS} steps any more, in which radii and directions climb together"
+    f"radii and directions together did not raise the sphericity by {RISE:g} in {STEPS} steps any more"
 )
 
 

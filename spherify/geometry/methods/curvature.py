@@ -42,7 +42,7 @@ from spherify.geometry.methods.control import (
 from spherify.geometry.methods.interface import Standstill, Step
 from spherify.geometry.metrics import Figures
 from spherify.geometry.progress import Layout, Memory, Progress
-from spherify.geometry.roundness import Shape
+from spherify.geometry.roundness import ALL, Shape, Wanted
 from spherify.geometry.schedule import stage_at
 from spherify.geometry.topology import Topology
 from spherify.geometry.unfolding import Unfolded
@@ -90,7 +90,7 @@ class CurvatureTransformation:
         self._faces = topology.faces  # those of the mesh
         self._unit = unit
         self._initial_mean_edge = 0.0
-        self._measures_edges = True  # at the start, whatever the unit of the step
+        self._wanted = ALL  # at the start, whatever the unit of the step
         self.computed_by = engine.name
         if not later:
             _ = self._prepared
@@ -122,9 +122,9 @@ class CurvatureTransformation:
             "log_weights": ((n if self._weighed else 0,), np.float64),
         }
 
-    def shape(self, V: Floats) -> Shape:
+    def shape(self, V: Floats, *, whole: bool = False) -> Shape:
         """See `Method.shape`."""
-        return self._kernel.shape(V, edges=self._measures_edges)
+        return self._kernel.shape(V, self._wanted._replace(variation=math.inf) if whole else self._wanted)
 
     def figures(self, V: Floats, centre: Floats) -> Figures:
         """See `Method.figures`."""
@@ -137,7 +137,9 @@ class CurvatureTransformation:
     def begin(self, V: Floats, shape: Shape) -> Memory:
         """See `Method.begin`."""
         self._initial_mean_edge = shape.mean_edge
-        self._measures_edges = self._config.step_unit == "mean-edge"
+        # On the sphere everything goes by the radii; else they only end a run.
+        least = self._config.stop_radius_variation if self._config.unfolding is None else math.inf
+        self._wanted = Wanted(self._config.step_unit == "mean-edge", least)
         control = np.array(Control(0.0, 1.0, shape.sphericity, 0))
         weights = np.zeros(self.layout["log_weights"][0])
         return {"previous": V, "control": control, "centre": shape.centroid, "log_weights": weights}
@@ -205,7 +207,7 @@ class CurvatureTransformation:
             relaxation = self._config.relaxation * control.annealing
             moved = self._kernel.transform(
                 here, stage, step, relaxation, previous=previous, momentum=control.momentum,
-                measured=True, edges=self._measures_edges,
+                measured=self._wanted,
             )  # fmt: skip
         return Standstill(STANDSTILL) if moved is None else moved
 

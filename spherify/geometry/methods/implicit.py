@@ -62,7 +62,7 @@ class ImplicitFlow:
         """See `Method.layout`: the sphericity to be exceeded, and the iterations since it was."""
         return {"waiting": ((2,), np.float64)}
 
-    def shape(self, V: Floats) -> Shape:
+    def shape(self, V: Floats, *, whole: bool = False) -> Shape:
         """See `Method.shape`."""
         return shape_of(V, self._topology)
 

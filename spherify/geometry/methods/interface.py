@@ -55,8 +55,11 @@ class Method(Protocol):
         """Shape and type of each array of `Memory`."""
         ...
 
-    def shape(self, V: Floats) -> Shape:
-        """Measure the surface as a whole; numbers that are not finite are passed on."""
+    def shape(self, V: Floats, *, whole: bool = False) -> Shape:
+        """Measure the surface as a whole; numbers that are not finite are passed on.
+
+        The radius variation may be nan if it is not below that at which a run ends; not if the ``whole`` is wanted.
+        """
         ...
 
     def figures(self, V: Floats, centre: Floats) -> Figures:

@@ -33,7 +33,7 @@ from spherify.geometry.kernels.passes.types import (
     Scratch,
     Task,
 )
-from spherify.geometry.kernels.passes.whole import PER_VERTEX, centre, spread_run, variation
+from spherify.geometry.kernels.passes.whole import PER_VERTEX, centre, is_uneven, spread_run, variation
 from spherify.geometry.transformation import EQUAL_CURVATURE
 
 
@@ -88,7 +88,11 @@ def measure(mesh: Connectivity, use: Buffers, scratch: Scratch, task: Task) -> N
     if task.passes & CENTRE:
         if task.part == 0:
             centre(use.position, use.sums, PER_VERTEX, use.whole)
+            if is_uneven(use.position, use.area, PER_VERTEX, task.variation, use.whole):
+                use.whole[6] = np.nan
         meet(use, task)
+        if np.isnan(use.whole[6]):
+            return
     if task.passes & RADII:
         first, second = scratch.rows[0], scratch.rows[1]
         for r in range(task.first_run, task.last_run):

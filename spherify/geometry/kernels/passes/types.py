@@ -166,6 +166,7 @@ class Task(NamedTuple):
         factor: likewise.
         part: which of them.
         parts: how many threads do the same at once, a part each.
+        variation: below which RADII and VARIATION are wanted; nan may come of a greater one.
 
     """
 
@@ -187,6 +188,7 @@ class Task(NamedTuple):
     factor: float = 1.0
     part: int = 0
     parts: int = 1
+    variation: float = np.inf
 
 
 class Found(NamedTuple):

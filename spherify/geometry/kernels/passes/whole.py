@@ -22,6 +22,8 @@ from spherify.geometry.kernels.passes.types import Floats, Index
 from spherify.geometry.kernels.passes.wide import LANES, Array, Place, Wide, first_lanes, where
 from spherify.geometry.kernels.passes.wide_vectors import difference, dot
 
+EVERY: Final = 64  # one vertex of so many is looked at to see whether all have to be
+ROUNDING: Final = 1.001
 SUMS: Final = 8
 RESULTS: Final = 8
 PER_VERTEX: Final = 3.0  # the weights of all vertices, the areas of the faces at them, over the area
@@ -111,7 +113,7 @@ def centre(position: Floats, sums: Floats, share: float, result: Floats) -> None
         position: (3, n).
         sums: (segments, SUMS): weights, that is ``share`` times the area; 6·volume; weights times positions; lengths.
         share: see above.
-        result: (RESULTS,) out: area, volume, centroid, the sum of the lengths; the radius last.
+        result: (RESULTS,) out: area, volume, centroid, the sum of the lengths; 0; the radius of a vertex.
 
     """
     weight = total_of(sums[:, 0])
@@ -120,6 +122,7 @@ def centre(position: Floats, sums: Floats, share: float, result: Floats) -> None
         result[2 + k] = (
             total_of(sums[:, 2 + k]) / weight if weight != 0 else total_of(position[k]) / position.shape[1]
         )
+    result[6] = 0.0
     result[7] = length(position[0, 0] - result[2], position[1, 0] - result[3], position[2, 0] - result[4])
 
 
@@ -157,6 +160,28 @@ def spread_run(
         np.uint64(low), np.uint64(last - low),
     )  # fmt: skip
     sums[6], sums[7] = total_of(first[:LANES]), total_of(second[:LANES])
+
+
+@inner
+def is_uneven(position: Floats, area: Floats, share: float, bound: float, result: Floats) -> bool:
+    """Whether some vertices say already that the radius variation is not less than ``bound``.
+
+    If it were less than b, then of the mean radius m and the weights W of all vertices, some of them had Σ w (r - m)² <
+    b² m² W; so their own mean m' were no further from m than q·m, q = b √(W / Σ w), and Σ w (r - m')² less than b² W
+    (m' / (1 - q))². The arguments otherwise as of `centre`.
+    """
+    about, weight, first, second = result[7], 0.0, 0.0, 0.0
+    for p in range(0, area.size, EVERY):
+        r = length(position[0, p] - result[2], position[1, p] - result[3], position[2, p] - result[4]) - about
+        weight += area[p]
+        first += area[p] * r
+        second += area[p] * r * r
+    if not (bound < np.inf and weight > 0):
+        return False
+    whole = share * result[0]
+    off = bound * math.sqrt(whole / weight)
+    limit = bound * (about + first / weight) / (1 - off)
+    return off < 1 and second - first * first / weight > ROUNDING * whole * limit * limit
 
 
 @inner
