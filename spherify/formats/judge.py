@@ -77,10 +77,9 @@ def is_orientable(mesh: Draft) -> bool:
     like with turned. The surface has two sides unless a face hangs together with its own turned self.
     """
     topology, m = mesh.topology, len(mesh.faces)
-    order = np.argsort(topology.halfedge_edges, kind="stable")
-    paired = (topology.face_count == 2)[topology.halfedge_edges[order]]
-    faces = (order[paired] // 3).reshape(-1, 2)
-    agree = topology.interior[topology.halfedge_edges[order][paired].reshape(-1, 2)[:, 0]]
+    paired = topology.face_count == 2
+    faces = (topology.halfedges[np.repeat(paired, topology.face_count)] // 3).reshape(-1, 2)
+    agree = topology.interior[paired]
     one, other = faces[:, 0], faces[:, 1]
     same = np.where(agree, other, other + m)
     turned = np.where(agree, other + m, other)

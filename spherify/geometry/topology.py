@@ -27,9 +27,8 @@ class Topology:
         faces: (m, 3) vertex indices.
         edges: (e, 2) vertex indices, the smaller first, in ascending order.
         face_count: (e,) number of faces at each edge.
-        edge_faces: (e, 2) the first face that runs along the edge from its smaller to its larger vertex, and the
-            first that runs the other way; -1 where there is none.
-        halfedge_edges: (3m,) the edge each half-edge lies on.
+        halfedges: (3m,) the half-edges edge by edge, those of one edge in ascending order.
+        interior: (e,) edges with exactly two faces that run along them in opposite directions.
 
     """
 
@@ -37,37 +36,57 @@ class Topology:
     faces: Ints
     edges: Ints
     face_count: Ints
-    edge_faces: Ints
-    halfedge_edges: Ints
+    halfedges: Ints
+    interior: Bools
 
     @classmethod
     def of(cls, n_vertices: int, faces: Ints) -> Topology:
         """Build the topology of ``faces`` (m, 3), whose indices lie in 0 … n_vertices - 1."""
-        keys, sides = _edge_keys(n_vertices, faces)
-        # As numpy's `unique` does, but stable: keys of neighbours ascend together, which that sort makes use of.
-        order = np.argsort(keys, kind="stable")
-        keys = keys[order]
-        new = np.concatenate([[True], keys[1:] != keys[:-1]])[: len(keys)]
-        halfedge_edges = np.empty_like(order)
-        halfedge_edges[order] = np.cumsum(new) - 1
-        del order
-        face_count = np.diff(np.flatnonzero(new), append=len(keys))
-        keys = keys[new]
         # Column by column in memory: the measures gather one corner of all faces, one end of all edges at a time.
-        edges, edge_faces = np.empty((2, len(keys)), dtype=np.int64), np.full((2, len(keys)), -1)
+        columns = np.asfortranarray(faces)
+        # Arrays in the place of others where that can be: for new memory the system works longer than numpy does.
+        tails, heads = _ends(faces)
+        ascends = tails < heads
+        keys = np.minimum(tails, heads)
+        keys *= n_vertices
+        keys += np.maximum(tails, heads, out=heads)
+        del heads
+        keys, halfedges = _sorted(keys, n_vertices)
+        new = np.ones(len(keys) + 1, dtype=np.bool_)
+        np.not_equal(keys[1:], keys[:-1], out=new[1:-1])
+        first = np.flatnonzero(new)  # and where the last ends
+        face_count = first[1:] - first[:-1]
+        first = first[:-1]
+        keys = keys[first]
+        edges = np.empty((2, len(keys)), dtype=np.int64)
         np.floor_divide(keys, max(n_vertices, 1), out=edges[0])
-        np.subtract(keys, n_vertices * edges[0], out=edges[1])
-        del keys, new
-        for side, runs in enumerate(sides):
-            halfedges = np.flatnonzero(runs)[::-1]  # backwards, so that the first face is the one that stays
-            edge_faces[side, halfedge_edges[halfedges]] = halfedges // 3
-        return cls(n_vertices, np.asfortranarray(faces), edges.T, face_count, edge_faces.T, halfedge_edges)
+        np.multiply(edges[0], n_vertices, out=edges[1])
+        np.subtract(keys, edges[1], out=edges[1])
+        # Of two half-edges one runs from its smaller to its larger vertex; of two from a vertex to itself none does.
+        ascends = ascends.take(halfedges)
+        interior = ascends.take(first) != ascends[1:].take(first, mode="clip")
+        interior &= face_count == 2
+        return cls(n_vertices, columns, edges.T, face_count, halfedges, interior)
 
     @cached_property
-    def interior(self) -> Bools:
-        """(e,) edges with exactly two faces that run along them in opposite directions."""
-        interior: Bools = (self.face_count == 2) & (self.edge_faces[:, 0] >= 0) & (self.edge_faces[:, 1] >= 0)
-        return interior
+    def halfedge_edges(self) -> Ints:
+        """(3m,) the edge each half-edge lies on."""
+        edges = np.empty_like(self.halfedges)
+        edges[self.halfedges] = np.repeat(np.arange(len(self.edges)), self.face_count)
+        return edges
+
+    @cached_property
+    def edge_faces(self) -> Ints:
+        """(e, 2) first face that runs along the edge from its smaller to its larger vertex, and first the other way.
+
+        -1 where there is none.
+        """
+        edge_faces = np.full((2, len(self.edges)), -1)
+        tails, heads = _ends(self.faces)
+        for side, runs in enumerate((tails < heads, tails > heads)):
+            halfedges = np.flatnonzero(runs)[::-1]  # backwards, so that the first face is the one that stays
+            edge_faces[side, self.halfedge_edges[halfedges]] = halfedges // 3
+        return edge_faces.T
 
     @cached_property
     def interior_edges(self) -> Ints:
@@ -107,9 +126,10 @@ class Topology:
     @cached_property
     def unreferenced_vertices(self) -> Ints:
         """Indices of the vertices in no face, ascending."""
-        return np.flatnonzero(np.bincount(self.faces.reshape(-1), minlength=self.n_vertices) == 0)
+        # Column by column, as they lie in memory: one after another they would be copied first.
+        return np.flatnonzero(np.bincount(self.faces.T.reshape(-1), minlength=self.n_vertices) == 0)
 
-    @property
+    @cached_property
     def closed(self) -> bool:
         """Whether every edge has exactly two faces, and there is at least one."""
         return len(self.faces) > 0 and bool((self.face_count == 2).all())
@@ -134,10 +154,9 @@ class Topology:
         """
         tails = self.faces.reshape(-1)
         following = np.roll(np.arange(len(tails)).reshape(-1, 3), -1, axis=1).reshape(-1)
-        order = np.argsort(self.halfedge_edges, kind="stable")
-        one, other = order[:-1], order[1:]
-        together = self.halfedge_edges[one] == self.halfedge_edges[other]
-        one, other = one[together], other[together]
+        edge = np.repeat(np.arange(len(self.edges)), self.face_count)
+        together = edge[:-1] == edge[1:]
+        one, other = self.halfedges[:-1][together], self.halfedges[1:][together]
         opposed = tails[one] != tails[other]
         # A half-edge starts at its own corner and ends at the next one of its face.
         at_start = np.stack([one, np.where(opposed, following[other], other)], axis=1)
@@ -180,13 +199,28 @@ class Topology:
         return (2 * components - self.boundary_loops - euler) // 2
 
 
-def _edge_keys(n: int, faces: Ints) -> tuple[Ints, tuple[Bools, Bools]]:
-    """(3m,) low·n + high of the vertices of each half-edge, and which run from low to high, which from high to low."""
-    tails, heads = faces.reshape(-1), faces.take([1, 2, 0], axis=1).reshape(-1)
-    keys = np.minimum(tails, heads)
-    keys *= n
-    keys += np.maximum(tails, heads)
-    return keys, (tails < heads, tails > heads)
+def _ends(faces: Ints) -> tuple[Ints, Ints]:
+    """(3m,) the vertices that each half-edge runs from and to."""
+    return faces.reshape(-1), faces.take([1, 2, 0], axis=1).reshape(-1)
+
+
+def _sorted(keys: Ints, n: int) -> tuple[Ints, Ints]:
+    """Sort keys in 0 … n² - 1, (k,), which are used up: in ascending order, and where each was, the first first.
+
+    Keys of neighbours ascend together, which numpy's stable sort makes use of. It is done the sooner the less it
+    moves: key and place as one number, where they fit into 63 bits, as they do up to a million vertices.
+    """
+    bits = len(keys).bit_length()
+    if n * n << bits >= 1 << 63:
+        order = np.argsort(keys, kind="stable")
+        return keys[order], order
+    keys <<= bits
+    places = np.arange(len(keys))
+    keys |= places
+    keys.sort(kind="stable")
+    np.bitwise_and(keys, (1 << bits) - 1, out=places)
+    keys >>= bits
+    return keys, places
 
 
 def connected_labels(n: int, pairs: Ints) -> Ints:

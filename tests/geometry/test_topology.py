@@ -58,6 +58,23 @@ def test_each_edge_knows_the_face_that_runs_along_it_and_the_one_against_it():
     assert (np.sort(np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1)], axis=-1)) == halves).all()
 
 
+@pytest.mark.parametrize("n", [12, 2_000_000])
+def test_half_edges_edge_by_edge_however_many_vertices(n):
+    """Key and place of a half-edge fit into one number, and from about a million vertices on they do not."""
+    # Edges of any number of faces, and loops.
+    faces = np.random.default_rng(4).integers(0, 12, (40, 3)) + n - 12
+    topology = Topology.of(n, faces)
+    ends = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2))
+    edges, of_halfedge, count = np.unique(ends, axis=0, return_inverse=True, return_counts=True)
+    assert np.array_equal(topology.edges, edges)
+    assert np.array_equal(topology.face_count, count)
+    assert np.array_equal(topology.halfedge_edges, of_halfedge)
+    assert np.array_equal(topology.halfedges, np.argsort(of_halfedge, kind="stable"))
+    one_each_way = (topology.edge_faces >= 0).all(axis=1) & (count == 2)
+    assert np.array_equal(topology.interior, one_each_way)
+    assert 0 < one_each_way.sum() < len(edges)
+
+
 @pytest.mark.parametrize(("faces", "genus"), [(torus().faces, 1), (double_torus_faces(), 2)])
 def test_handles_are_counted(faces, genus):
     topology = Topology.of(int(faces.max()) + 1, faces)
