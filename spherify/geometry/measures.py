@@ -10,25 +10,28 @@ Vectors are rows of (k, 3) arrays. Any memory layout gives the right numbers; co
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 
 from spherify.geometry.mesh import Floats, Ints
 
+BLOCK: Final = 5120  # less than 128 KiB a list: from there on memory is asked of the system, and given back
+
 
 def gather(rows: Floats, index: Ints) -> Floats:
     """Pick rows of an (n, 3) array by ``index`` (k,) in 0 … n - 1: (k, 3), column by column in memory."""
-    picked = np.empty((len(index), 3), order="F")
-    for column in range(3):
-        np.take(rows[:, column], index, out=picked[:, column], mode="clip")  # unbuffered, unlike "raise"
-    return picked
+    return rows.T.take(index, axis=1).T
 
 
 def cross(a: Floats, b: Floats) -> Floats:
     """Row-wise vector product of two (k, 3) arrays; several times quicker than numpy's general one."""
-    product = np.empty_like(a)
-    product[:, 0] = a[:, 1] * b[:, 2] - a[:, 2] * b[:, 1]
-    product[:, 1] = a[:, 2] * b[:, 0] - a[:, 0] * b[:, 2]
-    product[:, 2] = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+    product, spare = np.empty_like(a), np.empty(len(a))
+    for x, y, z in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        along = product[:, x]
+        np.multiply(a[:, y], b[:, z], out=along)
+        np.multiply(a[:, z], b[:, y], out=spare)
+        along -= spare
     return product
 
 
@@ -57,6 +60,11 @@ def scatter(index: Ints, values: Floats, n: int) -> Floats:
             sums[:, column] = np.bincount(index, values[:, column], n)
         return sums
     return np.bincount(index, values, n).astype(np.float64, copy=False)
+
+
+def blocks(count: int) -> list[slice]:
+    """Return slices that cover 0 … count - 1, of as many as the cache of a core holds some lists of vectors of."""
+    return [slice(begin, begin + BLOCK) for begin in range(0, count, BLOCK)]
 
 
 def area_vectors(V: Floats, F: Ints) -> Floats:

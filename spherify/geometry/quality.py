@@ -33,10 +33,12 @@ def inward_faces(V: Floats, F: Ints, centre: Floats) -> int:
 
 def all_outward(V: Floats, F: Ints, centre: Floats, least_area: float) -> bool:
     """Whether no face looks towards ``centre`` (3,), and none has less than ``least_area`` times the mean area."""
-    spokes = V - centre
-    a, b, c = (measures.gather(spokes, F[:, k]) for k in range(3))
-    vectors = measures.cross(b - a, c - a)
-    if not measures.dot(vectors, a).min() > 0:  # the same at each corner: edges have no part along the normal
-        return False
-    areas = measures.norm(vectors)
+    spokes, areas = np.asfortranarray(V - centre), np.empty(len(F))
+    for part in measures.blocks(len(F)):
+        a, b, c = (measures.gather(spokes, F[part, k]) for k in range(3))
+        vectors = measures.cross(b - a, c - a)
+        # The same at each corner: edges have no part along the normal.
+        if not measures.dot(vectors, a).min() > 0:
+            return False
+        areas[part] = measures.norm(vectors)
     return bool(areas.min() >= least_area * areas.mean())

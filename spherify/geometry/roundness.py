@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from spherify.geometry import measures
-from spherify.geometry.mesh import Floats
+from spherify.geometry.mesh import Floats, Ints
 from spherify.geometry.topology import Topology
 
 NEARLY: Final = 0.7  # least over greatest radius; ellipsoids of sphericity 0.99 have 0.79
@@ -101,14 +101,44 @@ def radius_variation(V: Floats, centre: Floats, weights: Floats) -> float:
 
 
 def shape_of(V: Floats, topology: Topology, wanted: Wanted = ALL) -> Shape:
-    """Measure positions (n, 3) over a connectivity."""
-    F = topology.faces
-    areas = measures.face_areas(V, F)
-    centroid = measures.area_centroid(V, F, areas)
+    """Measure positions (n, 3) over a connectivity.
+
+    Sums run over all faces, or edges; what is summed is computed block by block.
+    """
+    U, F = np.asfortranarray(V), topology.faces
+    areas, moments = np.empty(len(F)), np.empty((len(F), 3), order="F")
+    parts = measures.blocks(len(F))
+    for part in parts:
+        a, b, c = (measures.gather(U, F[part, k]) for k in range(3))
+        vectors = measures.cross(b - a, c - a)
+        vectors *= 0.5
+        areas[part] = measures.norm(vectors)
+        moment = moments[part]
+        np.add(a, b, out=moment)
+        moment += c
+        moment *= areas[part, None]
+    area = float(areas.sum())
+    centroid = np.asarray(moments.sum(axis=0) / (3 * area) if area else V.mean(axis=0))
+    volumes = moments[:, 0]
+    for part in reversed(parts):
+        if part is not parts[-1]:  # whose corners are still at hand
+            a, b, c = (measures.gather(U, F[part, k]) for k in range(3))
+        a -= centroid
+        b -= centroid
+        c -= centroid
+        volumes[part] = measures.dot(a, measures.cross(b, c))
     return Shape(
-        area=float(areas.sum()),
-        volume=measures.volume(V, F, centroid),
+        area=area,
+        volume=float(volumes.sum() / 6),
         centroid=centroid,
-        mean_edge=float(measures.edge_lengths(V, topology.edges).mean()) if wanted.edges else math.nan,
+        mean_edge=_mean_edge(U, topology.edges) if wanted.edges else math.nan,
         radius_variation=radius_variation(V, centroid, measures.sum_at_vertices(areas, F, len(V)) / 3),
     )
+
+
+def _mean_edge(V: Floats, edges: Ints) -> float:
+    """Mean length of ``edges`` (e, 2)."""
+    lengths = np.empty(len(edges))
+    for part in measures.blocks(len(edges)):
+        lengths[part] = measures.edge_lengths(V, edges[part])
+    return float(lengths.mean())

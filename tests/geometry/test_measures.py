@@ -186,3 +186,24 @@ def test_inward_faces_are_counted_one_by_one():
         faces = mesh.faces.copy()
         faces[:count] = faces[:count, ::-1]
         assert inward_faces(mesh.vertices, faces, np.zeros(3)) == count
+
+
+def test_a_shape_is_the_sum_of_its_faces_to_the_last_bit_however_many_blocks_they_are():
+    rng = np.random.default_rng(5)
+    for mesh in (icosphere(3), icosphere(30)):
+        assert (len(mesh.faces) > 3 * measures.BLOCK) == (len(mesh.faces) > 1_000)
+        V, F, topology = mesh.vertices * rng.uniform(0.9, 1.1, 3), mesh.faces, topology_of(mesh)
+        shape, areas = shape_of(V, topology), measures.face_areas(V, F)
+        assert shape.area == areas.sum()
+        assert np.array_equal(shape.centroid, measures.area_centroid(V, F, areas))
+        assert shape.volume == measures.volume(V, F, shape.centroid)
+        assert shape.mean_edge == measures.edge_lengths(V, topology.edges).mean()
+
+
+def test_every_block_is_looked_at_for_faces_that_look_inward():
+    mesh = icosphere(30)
+    assert all_outward(mesh.vertices, mesh.faces, np.zeros(3), 0.1)
+    for face in (0, measures.BLOCK, len(mesh.faces) - 1):
+        faces = mesh.faces.copy()
+        faces[face] = faces[face, ::-1]
+        assert not all_outward(mesh.vertices, faces, np.zeros(3), 0.0)
