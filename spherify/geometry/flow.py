@@ -33,6 +33,7 @@ from spherify.geometry.topology import Topology
 VANISHED: Final = (
     2e-6  # share of the mean area below which a triangle is as good as none; with room to a millionth
 )
+ROUNDING: Final = 1e-15  # of the factor of a rescaling
 
 
 class StopReason(StrEnum):
@@ -300,7 +301,7 @@ class _Run:
             if not self._valid(shape):
                 return progress.broken("turned the mesh inside out or left the finite numbers")
         factor = self._rescaling(shape)
-        if factor != 1:
+        if abs(factor - 1) > ROUNDING:  # nothing is left to do where the method has done it
             moved = self.method.scaled(moved, shape.centroid, factor)
             shape = shape.scaled(factor)
         moved.setflags(write=False)

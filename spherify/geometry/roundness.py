@@ -21,11 +21,13 @@ class Wanted(NamedTuple):
     Attributes:
         edges: the mean edge.
         variation: the radius variation, if it is less than this.
+        area: of a surface that moves: that it is scaled to about its centroid, and measured as it is then; 0: not.
 
     """
 
     edges: bool = True
     variation: float = math.inf
+    area: float = 0.0
 
 
 ALL: Final = Wanted()

@@ -109,18 +109,19 @@ def compiled_percentiles():
 
     @njit
     def compiled(K, window, use, cuts):
+        where = (0, 0, 0, 0)
         for part in range(len(cuts) - 1):
             count_part(K, K.min(), K.max(), use, part, cuts[part], cuts[part + 1])
         for part in range(len(cuts) - 1):
-            collect_part(K, window, use, cuts[part], cuts[part + 1])
-        return percentiles(K, K.max(), window, use)
+            where = collect_part(K, window, use, cuts[part], cuts[part + 1])
+        return percentiles(K, K.max(), window, where, use)
 
     return compiled
 
 
 @pytest.mark.parametrize("parts", [1, 3])
 @pytest.mark.parametrize("window", [(0, 100), (30, 70), (0.1, 99.9), (50, 50.001), (12.5, 87.5), (99, 100)])
-@pytest.mark.parametrize("n", [4, 5, 48, 50, 3000])
+@pytest.mark.parametrize("n", [4, 5, 48, 50, 600, 20_000])
 @pytest.mark.parametrize("kind", ["even", "one far", "all but one equal", "few values", "tiny", "huge"])
 def test_percentiles(kind, n, window, parts):
     from spherify.geometry.kernels.buffers import buffers

@@ -167,32 +167,38 @@ class CompiledKernel:
         measured: Wanted | None = None,
     ) -> Floats | None:
         """See `spherify.geometry.kernels.interface.Kernel.transform`."""
-        known = self._load(V)
-        if previous is not None and momentum > 0:
-            self._go_ahead(V, previous, float(momentum))
+        known, ahead = self._load(V), previous is not None and momentum > 0
+        if previous is not None and ahead:
+            self._load_previous(previous)
             known = Known()
         if not self._has_rings:
             measured = None
-        passes = CURVED + MOVE + HOLD + (0 if known.rows else ROWS)
+        passes = CURVED + MOVE + HOLD + (0 if known.rows else ROWS) + (AHEAD if ahead else 0)
         task = self._task(
             passes=passes + (0 if measured is None else self._measuring(measured)),
             k_in=stage.k_in,
             k_out=stage.k_out,
             step=float(step),
             relaxation=float(relaxation),
-            variation=math.inf if measured is None else measured.variation,
+            momentum=float(momentum),
         )
+        if measured is not None:
+            task = task._replace(variation=measured.variation, area=measured.area)
         if known.curved is not None and relaxation <= 0:  # which weighs areas, that are not known
             task = task._replace(known=True, K_min=known.curved.K_min, K_max=known.curved.K_max)
         found = (
             self._together(task) if known.curved is None or known.curved.end != NOT_FINITE else known.curved
         )
+        if ahead:
+            self._previous.hold(V)
         if found.end == CONSTANT:
             return None
         if found.end == NOT_FINITE:
             return self._reference.transform(V, stage, step, relaxation, previous=previous, momentum=momentum)
         moved = self._positions.unloaded()
-        self._known = Known(rows=True) if measured is None else self._seen(found, measured)[0]
+        self._known = (
+            Known(rows=True) if measured is None else self._seen(found, measured, scaled=measured.area > 0)[0]
+        )
         return moved
 
     def transform_radially(self, V: Floats, stage: Stage, step: float, centre: Floats) -> Floats | None:
@@ -240,14 +246,12 @@ class CompiledKernel:
         self._together(self._task(passes=SCALE, centre=(cx, cy, cz), factor=float(factor)))
         return self._positions.unloaded()
 
-    def _go_ahead(self, V: Floats, previous: Floats, momentum: float) -> None:
-        """Go on from V, which is loaded, by its way from ``previous``; V is kept as what is previous next time."""
+    def _load_previous(self, previous: Floats) -> None:
+        """Load what AHEAD goes on from, and leaves as what was loaded as positions."""
         if not self._use.previous.size:
             self._use = self._use._replace(previous=np.empty_like(self._use.position))
             self._previous = Positions(self._use.previous, self._numbering, self._parts, self._team)
         self._previous.load(previous)
-        self._together(self._task(passes=AHEAD, momentum=momentum))
-        self._previous.hold(V)
 
     def _load(self, V: Floats, *, to_move: bool = True) -> Known:
         """Load positions, see `Positions.load`; return what is known of them."""
@@ -260,12 +264,16 @@ class CompiledKernel:
         """Return the passes that measure, along with curvature and normals if the next step begins with them."""
         return BY_RINGS + (BEYOND if self._goes_on and not wanted.edges else 0)
 
-    def _seen(self, found: Found, wanted: Wanted) -> tuple[Known, Shape]:
-        """Return what is known after `_measuring`, and the shape."""
+    def _seen(self, found: Found, wanted: Wanted, *, scaled: bool = False) -> tuple[Known, Shape]:
+        """Return what is known after `_measuring`, and the shape; ``scaled``: as positions were scaled then."""
         curved, shape = None, self._shape_of(self._use.whole, wanted)
         if self._goes_on and not wanted.edges:
             curved = found._replace(end=NOT_FINITE) if math.isnan(found.K_min) else found
-        return Known(True, curved, shape, wanted), shape
+        # As `step.scale_to` does; an area that is none has no square root.
+        factor = math.sqrt(wanted.area / shape.area) if scaled and shape.area > 0 else 1.0
+        if factor != 1:
+            shape = shape.scaled(factor)
+        return Known(factor == 1, curved, shape, wanted), shape
 
     def _shape_of(self, measured: Floats, wanted: Wanted) -> Shape:
         """Return the shape of the positions loaded from the sums of their surface."""

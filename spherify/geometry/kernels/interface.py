@@ -36,7 +36,8 @@ class Kernel(Protocol):
             relaxation: fraction of the tangential umbrella vector after each elementary step.
             previous: (n, 3) positions to go on from: T begins at p + ``momentum`` (p - p_previous).
             momentum: see above; 0 without ``previous``.
-            measured: what `shape` of what comes of it is asked for next, which may then be had by the way; None: not.
+            measured: what `shape` of what comes of it is asked for next, which may then be had by the way, and what
+                comes of it may be scaled to the area wanted; None: not.
 
         Returns:
             (n, 3) new positions, not necessarily finite; None if the curvature became constant, for then t is

@@ -22,6 +22,7 @@ import numpy as np
 
 from spherify.geometry.config import LATE
 from spherify.geometry.finish import STEPS
+from spherify.geometry.mesh import Floats
 from spherify.geometry.progress import Progress
 from spherify.geometry.roundness import Shape
 from spherify.geometry.unfolding import Unfolded
@@ -174,6 +175,21 @@ class Control(NamedTuple):
             variation=variation,
             largest=largest,
         )
+
+
+class Next(NamedTuple):
+    """What the next iteration begins with.
+
+    Attributes:
+        control: what it does.
+        position: (n, 3) where vertices are.
+        centre: (3,) what directions are seen from.
+
+    """
+
+    control: Control
+    position: Floats
+    centre: Floats
 
 
 def grown(momentum: float) -> float:

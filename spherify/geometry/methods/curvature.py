@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from functools import cached_property
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
@@ -35,6 +35,7 @@ from spherify.geometry.methods.control import (
     STILL_WOUND,
     WAITED,
     Control,
+    Next,
     Phase,
     grown,
     round_enough,
@@ -56,21 +57,6 @@ LEAST_ROUNDS: Final = 2  # of unfolding after an iteration, however often it beg
 WEIGHT_DAMPING: Final = 1.2  # over the exponent: share of the way the weights go; more, and they swing
 
 
-class Next(NamedTuple):
-    """What the next iteration begins with.
-
-    Attributes:
-        control: what it does.
-        position: (n, 3) where vertices are.
-        centre: (3,) what directions are seen from.
-
-    """
-
-    control: Control
-    position: Floats
-    centre: Floats
-
-
 class CurvatureTransformation:
     """T on one mesh, see `spherify.geometry.methods.interface.Method`."""
 
@@ -80,6 +66,7 @@ class CurvatureTransformation:
         """Prepare it, or ``later``; ``unit`` is the length of the mesh's own unit in the frame."""
         self._n = topology.n_vertices
         self._config = config
+        self._closed = topology.closed
         self._weighed = config.unfolding is not None and topology.closed and topology.euler == 2
         self._rounds = 0 if config.unfolding is None else config.unfolding.rounds
         self._exponent = 0.0 if config.unfolding is None else config.unfolding.exponent
@@ -139,7 +126,8 @@ class CurvatureTransformation:
         self._initial_mean_edge = shape.mean_edge
         # On the sphere everything goes by the radii; else they only end a run.
         least = self._config.stop_radius_variation if self._config.unfolding is None else math.inf
-        self._wanted = Wanted(self._config.step_unit == "mean-edge", least)
+        area = shape.area if self._closed and self._config.rescale == "area" else 0.0
+        self._wanted = Wanted(self._config.step_unit == "mean-edge", least, area)
         control = np.array(Control(0.0, 1.0, shape.sphericity, 0))
         weights = np.zeros(self.layout["log_weights"][0])
         return {"previous": V, "control": control, "centre": shape.centroid, "log_weights": weights}

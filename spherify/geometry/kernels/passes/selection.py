@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 from spherify.geometry.kernels.passes.jit import inner
 from spherify.geometry.kernels.passes.types import Buffers, Floats, Index, Ints
 
-BINS = 2048  # 16 kB of counts
+BINS = 2048  # at most, 16 kB of counts
+FEWEST_BINS = 64
+IN_A_BIN = 4  # values, on the average, where these numbers of bins allow it
 FEW = 48  # are sorted by insertion
 SAMPLE = 64
 STRETCH = 64  # values that are looked at together
@@ -54,6 +56,15 @@ def sort_many(v: Floats, size: int) -> None:
 
 
 @inner
+def bins_for(n: int) -> int:
+    """Return how many bins n values are put into, a power of two: to look through them takes time as well."""
+    bins = FEWEST_BINS
+    while bins < BINS and bins * IN_A_BIN < n:
+        bins *= 2
+    return bins
+
+
+@inner
 def bulk(v: Floats, size: int, low: float, high: float, sample: Floats) -> tuple[float, float]:
     """Return where most of the first ``size`` of ``v`` lie, which all lie within ``low`` … ``high``."""
     if size < 4 * SAMPLE:
@@ -68,12 +79,13 @@ def bulk(v: Floats, size: int, low: float, high: float, sample: Floats) -> tuple
 
 
 @inner
-def into_bins(v: Floats, start: float, scale: float, bins: Bins, low: Index, high: Index) -> None:
-    """Write the bin of each value: bins of width 1/scale from ``start`` on, the first and the last without end."""
+def into_bins(v: Floats, start: float, end: float, count: int, bins: Bins, low: Index, high: Index) -> None:
+    """Write the bin of each value: so many of equal width, ``start`` … ``end``, the first and the last without end."""
+    scale, last = count / (end - start), count - 1.0
     for i in range(low, high):
         place = (v[i] - start) * scale
         place = place if place > 0 else 0.0
-        place = place if place < BINS - 1 else BINS - 1.0
+        place = place if place < last else last
         bins[i] = np.uint16(np.int32(place))
 
 
@@ -96,14 +108,29 @@ def in_bin(counts: Ints, b: int) -> int:
 
 
 @inner
-def bin_of(counts: Ints, rank: int) -> tuple[int, int]:
-    """Return the bin in which the value of a rank lies, and its rank within the bin, of counts (parts, BINS)."""
-    b, count = 0, in_bin(counts, 0)
-    while rank >= count:
-        rank -= count
-        b += 1
+def bin_of(counts: Ints, rank: int, size: int) -> tuple[int, int]:
+    """Return the bin in which the value of a rank lies, and its rank within the bin; of ``size`` in all.
+
+    Args:
+        counts: (parts, bins).
+        rank: from 0 on.
+        size: looked for from whichever end is nearer, for percentiles are near one.
+
+    """
+    if 2 * rank < size:
+        b, count = 0, in_bin(counts, 0)
+        while rank >= count:
+            rank -= count
+            b += 1
+            count = in_bin(counts, b)
+        return b, rank
+    above, b = size - 1 - rank, counts.shape[1] - 1
+    count = in_bin(counts, b)
+    while above >= count:
+        above -= count
+        b -= 1
         count = in_bin(counts, b)
-    return b, rank
+    return b, count - 1 - above
 
 
 @inner
@@ -178,9 +205,10 @@ def ranked(
         if low == high:
             break
         start, end = bulk(v, size, low, high, sample)
-        into_bins(v, start, BINS / (end - start), bins, np.uint32(0), np.uint32(size))
-        count_bins(bins, np.uint32(0), np.uint32(size), counts[0])
-        bin_, within = bin_of(counts, rank)
+        some = counts[:, : bins_for(size)]
+        into_bins(v, start, end, some.shape[1], bins, np.uint32(0), np.uint32(size))
+        count_bins(bins, np.uint32(0), np.uint32(size), some[0])
+        bin_, within = bin_of(some, rank, size)
         if (
             counts[0, bin_] == size
         ):  # values that no histogram can part, as next to the least or greatest float there is
@@ -216,38 +244,51 @@ def count_part(
 ) -> None:
     """Note the bin of each K (n,) of a part, and how many it has in each; for `percentiles`, which see."""
     start, end = bulk(K, K.size, K_min, K_max, use.samples[part])
-    into_bins(K, start, BINS / (end - start), use.bins, first, last)
-    count_bins(use.bins, first, last, use.counts[part])
+    count = bins_for(K.size)
+    into_bins(K, start, end, count, use.bins, first, last)
+    count_bins(use.bins, first, last, use.counts[part, :count])
 
 
 @inner
-def collect_part(K: Floats, window: tuple[float, float], use: Buffers, first: Index, last: Index) -> None:
-    """Copy what a part has in the bins of two percentiles, after all parts are counted."""
+def collect_part(
+    K: Floats, window: tuple[float, float], use: Buffers, first: Index, last: Index
+) -> tuple[int, int, int, int]:
+    """Copy what a part has in the bins of two percentiles, after all parts are counted.
+
+    Returns:
+        the bin of either and its rank within that, the same to all parts.
+
+    """
     place_one, place_two = places(K.size, window)
-    bin_one, _ = bin_of(use.counts, math.floor(place_one))
-    bin_two, _ = bin_of(use.counts, math.floor(place_two))
+    counts = use.counts[:, : bins_for(K.size)]
+    bin_one, within_one = bin_of(counts, math.floor(place_one), K.size)
+    bin_two, within_two = bin_of(counts, math.floor(place_two), K.size)
     collect(K, use.bins, bin_one, bin_two, use.chosen[0], use.chosen[1], first, last)
+    return bin_one, within_one, bin_two, within_two
 
 
 @inner
-def percentiles(K: Floats, K_max: float, window: tuple[float, float], use: Buffers) -> tuple[float, float]:
+def percentiles(
+    K: Floats, K_max: float, window: tuple[float, float], where: tuple[int, int, int, int], use: Buffers
+) -> tuple[float, float]:
     """Return two percentiles of K (n,), linearly interpolated, after `count_part` and `collect_part` of all parts.
 
     Args:
         K: all finite, not all the same.
         K_max: the greatest.
         window: the two, 0 … 100.
+        where: they are, as `collect_part` says.
         use: has the scratch.
 
     """
     n, one, two = K.size, use.chosen[0], use.chosen[1]
     place_one, place_two = places(n, window)
     rank_one, rank_two = math.floor(place_one), math.floor(place_two)
-    bin_one, within_one = bin_of(use.counts, rank_one)
-    bin_two, within_two = bin_of(use.counts, rank_two)
-    size_one, size_two = in_bin(use.counts, bin_one), in_bin(use.counts, bin_two)
-    close_up(one, use.counts, bin_one)
-    close_up(two, use.counts, bin_two)
+    bin_one, within_one, bin_two, within_two = where
+    counts_of_all = use.counts[:, : bins_for(n)]
+    size_one, size_two = in_bin(counts_of_all, bin_one), in_bin(counts_of_all, bin_two)
+    close_up(one, counts_of_all, bin_one)
+    close_up(two, counts_of_all, bin_two)
     above_one = least_above(K, use.bins, n, bin_one) if within_one + 1 == size_one else np.inf
     above_two = least_above(K, use.bins, n, bin_two) if within_two + 1 == size_two else np.inf
     counts, sample = use.counts[:1], use.samples[0]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from spherify.geometry.kernels.passes.jit import entry, inner
@@ -71,11 +73,11 @@ def extremes(use: Buffers, mode: Mode, task: Task, lowest: float, highest: float
     if is_inner(mode.window):
         count_part(use.curvature, lowest, highest, use, task.part, task.first, task.last)
         meet(use, task)
-        collect_part(use.curvature, mode.window, use, task.first, task.last)
+        where = collect_part(use.curvature, mode.window, use, task.first, task.last)
         meet(use, task)
         of_all = use.found[task.parts]
         if task.part == 0:
-            of_all[0], of_all[1] = percentiles(use.curvature, highest, mode.window, use)
+            of_all[0], of_all[1] = percentiles(use.curvature, highest, mode.window, where, use)
         meet(use, task)
         if of_all[1] - of_all[0] > width:
             return of_all[0], of_all[1]
@@ -101,6 +103,16 @@ def measure(mesh: Connectivity, use: Buffers, scratch: Scratch, task: Task) -> N
         meet(use, task)
     if task.passes & VARIATION and task.part == 0:
         variation(use.sums, PER_VERTEX, use.whole)
+
+
+@inner
+def scale_to(use: Buffers, task: Task) -> None:
+    """Scale the surface, as measured, to the area of the task about its centroid."""
+    if task.area > 0:
+        factor = math.sqrt(task.area / use.whole[0])
+        if factor != 1:
+            about = (use.whole[2], use.whole[3], use.whole[4])
+            scale(use.position, about, factor, task.first, task.last)
 
 
 @inner
@@ -163,6 +175,7 @@ def work(
         K_min, K_max, greatest, finite = agreed(use, task, K_min, K_max, greatest, finite)
         if i == steps:
             measure(mesh, use, scratch, task)
+            scale_to(use, task)
             found = Found(MOVED, K_min if finite else np.nan, K_max, greatest)
             break
         end = MOVED

@@ -167,6 +167,7 @@ class Task(NamedTuple):
         part: which of them.
         parts: how many threads do the same at once, a part each.
         variation: below which RADII and VARIATION are wanted; nan may come of a greater one.
+        area: to which the surface is scaled about its centroid when it has been measured; 0: not.
 
     """
 
@@ -189,6 +190,7 @@ class Task(NamedTuple):
     part: int = 0
     parts: int = 1
     variation: float = np.inf
+    area: float = 0.0
 
 
 class Found(NamedTuple):
