@@ -83,8 +83,7 @@ def chained(
     kernel = engine.prepare(Topology.of(len(mesh.vertices), mesh.faces), config)
     V, stage = np.asfortranarray(mesh.vertices), _stage(config)
     least = math.inf if config.unfolding else config.stop_radius_variation
-    # As a run wants it, which scales back besides.
-    wanted = Wanted(config.step_unit == "mean-edge", least)
+    wanted = Wanted(config.step_unit == "mean-edge", least)  # as a run wants it
 
     def once() -> Floats:
         nonlocal V
