@@ -39,9 +39,10 @@ class Frame:
 
     def inside(self, V: Floats) -> Floats:
         """Return positions V of the mesh's unit as positions in the box, column by column in memory."""
-        U = V - self.origin
-        U /= self.scale
-        return np.asfortranarray(U)
+        columns = np.array(V.T, order="C")
+        columns -= self.origin[:, None]
+        columns /= self.scale
+        return columns.T
 
     def outside(self, U: Floats) -> Floats:
         """Return positions U in the box in the mesh's unit, row by row in memory, read-only."""

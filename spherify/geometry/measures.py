@@ -99,7 +99,9 @@ def sum_at_vertices(face_values: Floats, F: Ints, n: int) -> Floats:
 
 def edge_lengths(V: Floats, edges: Ints) -> Floats:
     """(e,) lengths l(e) of ``edges`` (e, 2)."""
-    return norm(gather(V, edges[:, 1]) - gather(V, edges[:, 0]))
+    along = gather(V, edges[:, 1])
+    along -= gather(V, edges[:, 0])
+    return norm(along)
 
 
 def dihedral_angles(V: Floats, edges: Ints, edge_faces: Ints, face_normals: Floats) -> Floats:

@@ -35,8 +35,10 @@ def all_outward(V: Floats, F: Ints, centre: Floats, least_area: float) -> bool:
     """Whether no face looks towards ``centre`` (3,), and none has less than ``least_area`` times the mean area."""
     spokes, areas = np.asfortranarray(V - centre), np.empty(len(F))
     for part in measures.blocks(len(F)):
-        a, b, c = (measures.gather(spokes, F[part, k]) for k in range(3))
-        vectors = measures.cross(b - a, c - a)
+        a, b, c = (measures.gather(spokes, corner) for corner in np.ascontiguousarray(F[part].T))
+        b -= a
+        c -= a
+        vectors = measures.cross(b, c)
         # The same at each corner: edges have no part along the normal.
         if not measures.dot(vectors, a).min() > 0:
             return False

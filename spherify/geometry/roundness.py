@@ -108,39 +108,48 @@ def shape_of(V: Floats, topology: Topology, wanted: Wanted = ALL) -> Shape:
     Sums run over all faces, or edges; what is summed is computed block by block.
     """
     U, F = np.asfortranarray(V), topology.faces
-    areas, moments = np.empty(len(F)), np.empty((len(F), 3), order="F")
-    parts = measures.blocks(len(F))
-    for part in parts:
-        a, b, c = (measures.gather(U, F[part, k]) for k in range(3))
-        vectors = measures.cross(b - a, c - a)
-        vectors *= 0.5
-        areas[part] = measures.norm(vectors)
-        moment = moments[part]
-        np.add(a, b, out=moment)
-        moment += c
-        moment *= areas[part, None]
+    areas, moments = _areas(U, F)
     area = float(areas.sum())
     centroid = np.asarray(moments.sum(axis=0) / (3 * area) if area else V.mean(axis=0))
-    volumes = moments[:, 0]
-    for part in reversed(parts):
-        if part is not parts[-1]:  # whose corners are still at hand
-            a, b, c = (measures.gather(U, F[part, k]) for k in range(3))
-        a -= centroid
-        b -= centroid
-        c -= centroid
-        volumes[part] = measures.dot(a, measures.cross(b, c))
+    del moments
     return Shape(
         area=area,
-        volume=float(volumes.sum() / 6),
+        volume=float(_volumes(U - centroid, F).sum() / 6),
         centroid=centroid,
-        mean_edge=_mean_edge(U, topology.edges) if wanted.edges else math.nan,
+        mean_edge=float(_lengths(U, topology.edges).mean()) if wanted.edges else math.nan,
         radius_variation=radius_variation(V, centroid, measures.sum_at_vertices(areas, F, len(V)) / 3),
     )
 
 
-def _mean_edge(V: Floats, edges: Ints) -> float:
-    """Mean length of ``edges`` (e, 2)."""
+def _areas(V: Floats, F: Ints) -> tuple[Floats, Floats]:
+    """(m,) areas of faces, and (m, 3) each as often as the sum of its corners."""
+    areas, moments = np.empty(len(F)), np.empty((len(F), 3), order="F")
+    for part in measures.blocks(len(F)):
+        a, b, c = (measures.gather(V, F[part, k]) for k in range(3))
+        moment = moments[part]
+        np.add(a, b, out=moment)
+        moment += c
+        b -= a
+        c -= a
+        vectors = measures.cross(b, c)
+        vectors *= 0.5
+        areas[part] = measures.norm(vectors)
+        moment *= areas[part, None]
+    return areas, moments
+
+
+def _volumes(spokes: Floats, F: Ints) -> Floats:
+    """(m,) six times the signed volume of the cone over each face from where the ``spokes`` (n, 3) begin."""
+    volumes = np.empty(len(F))
+    for part in measures.blocks(len(F)):
+        a, b, c = (measures.gather(spokes, F[part, k]) for k in range(3))
+        volumes[part] = measures.dot(a, measures.cross(b, c))
+    return volumes
+
+
+def _lengths(V: Floats, edges: Ints) -> Floats:
+    """(e,) lengths of ``edges`` (e, 2)."""
     lengths = np.empty(len(edges))
     for part in measures.blocks(len(edges)):
         lengths[part] = measures.edge_lengths(V, edges[part])
-    return float(lengths.mean())
+    return lengths
