@@ -95,11 +95,12 @@ def table(meshes: Sequence[tuple[str, TriangleMesh]], flows: Sequence[str], limi
 
 
 def warm(flows: Sequence[str], engine: Engine) -> None:
-    """Have machine code made and libraries loaded: each flow goes a little way on a pebble."""
-    mesh = icosphere(3)
-    pebble = mesh.with_vertices(mesh.vertices * [1.0, 1.2, 1.5])
+    """Have machine code made and libraries loaded: each flow goes a little way on a pebble, and on what is round."""
+    ball = icosphere(3)
+    pebble = ball.with_vertices(ball.vertices * [1.0, 1.2, 1.5])
     for flow in flows:
-        run("pebble", pebble, flow, engine, limit=0.05, watch=lambda _, __: None)
+        for mesh in (pebble, ball):
+            run("pebble", mesh, flow, engine, limit=0.05, watch=lambda _, __: None)
     engine.warm()  # unfolding, which a pebble does not come to
 
 
