@@ -16,6 +16,7 @@ from spherify.geometry.kernels.compiled import CompiledEngine, CompiledKernel
 from spherify.geometry.mesh import Floats, TriangleMesh
 from spherify.geometry.presets import PRESETS
 from spherify.geometry.roundness import ALL, Wanted
+from spherify.geometry.samples.solids import icosphere
 from spherify.geometry.topology import Topology
 from spherify.geometry.unfolding import Unfolded
 from tests.geometry.shapes import jittered, open_bump, pinched, uneven_sphere
@@ -97,3 +98,39 @@ def test_any_order_of_questions(name: str, config: str, threads: int, monkeypatc
         if isinstance(moved, np.ndarray) and moved.shape == V.shape and random.random() < 0.1:
             positions.append(moved)
     assert len(positions) > 4
+
+
+@pytest.mark.parametrize("name", MESHES)
+def test_positions_written_to_meanwhile_are_looked_at_again(name: str):
+    mesh = MESHES[name]
+    topology, V = Topology.of(len(mesh.vertices), mesh.faces), np.array(mesh.vertices)
+    kernel, another = (CompiledEngine(1).prepare(topology, PAPER) for _ in range(2))
+    V.setflags(write=False)
+    kernel.shape(V)
+    V.setflags(write=True)
+    V *= 1.1
+    assert said(kernel.shape(V)) == said(another.shape(V.copy()))
+    V.setflags(write=False)
+    assert said(kernel.figures(V, CENTRE)) == said(another.figures(V.copy(), CENTRE))
+
+
+@pytest.mark.parametrize("name", MESHES)
+def test_nobody_alters_a_shape_that_is_asked_for_again(name: str):
+    mesh = MESHES[name]
+    kernel = CompiledEngine(1).prepare(Topology.of(len(mesh.vertices), mesh.faces), PAPER)
+    moved = kernel.transform(np.array(mesh.vertices), ONE_EACH, 1e-3, 0.0, measured=ALL)
+    assert moved is not None
+    before = kernel.shape(moved)
+    with pytest.raises(ValueError, match="read-only"):
+        before.centroid[0] += 1.0
+    assert said(kernel.shape(moved)) == said(before)
+
+
+def test_a_shape_whose_edges_are_no_number_is_not_one_without_edges():
+    """Squares of such lengths are infinite: with edges the area is so too, without it is not a number."""
+    mesh = icosphere(3)
+    topology, V = Topology.of(len(mesh.vertices), mesh.faces), mesh.vertices * 1e160
+    V.setflags(write=False)
+    kernel, another = (CompiledEngine(1).prepare(topology, PAPER) for _ in range(2))
+    for wanted in (ALL, Wanted(edges=False)):
+        assert said(kernel.shape(V, wanted)) == said(another.shape(V.copy(), wanted))

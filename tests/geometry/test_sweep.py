@@ -174,6 +174,13 @@ def events(mesh: Connectivity, task: Task, monkeypatch: pytest.MonkeyPatch, *, h
     def move(_use: object, _along: object, _weighed: bool, low: int, high: int) -> None:
         note("moved", low, high)
 
+    def see(*arguments: Any) -> None:
+        run, fetch = arguments[6:]
+        note_runs("seen", run, run + 1)
+        assert fetch == 0 or runs[run, 0] < fetch < runs[task.last_run - 1, 1]
+        assert fetch == 0 or not holds, "all has moved"
+
+    runs = mesh.runs.astype(np.int64)
     plain = {
         name: getattr(sweeps, name).py_func
         for name in ("sweep", "borders", "begins", "entry_of", "reach_on", "reach_back", "move_on")
@@ -182,7 +189,7 @@ def events(mesh: Connectivity, task: Task, monkeypatch: pytest.MonkeyPatch, *, h
         "meet": meet,
         "move": move,
         "relax": lambda _mesh, _use, _fraction, first, last: note_runs("relaxed", first, last),
-        "see_run": lambda *arguments: note_runs("seen", arguments[6], arguments[6] + 1),
+        "see_run": see,
         "weigh": lambda *_: None,
         "hold": lambda *_: None,
         "begin_vertices": lambda *_: None,

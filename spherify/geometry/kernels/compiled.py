@@ -223,8 +223,9 @@ class CompiledKernel:
             task = self._task(passes=passes, variation=wanted.variation)
             self._known, shape = self._seen(self._together(task), wanted)
         else:
+            self._known = Known(known.rows)  # the memory of its curvature is needed
             shape = self._shape_of(self._faces.measure(self._use.position, self._use.curvature), wanted)
-            self._known = Known(known.rows, None, shape, wanted)  # the memory of its curvature was needed
+            self._known = Known(known.rows, None, shape, wanted)
         return shape
 
     def figures(self, V: Floats, centre: Floats) -> Figures:
@@ -249,15 +250,19 @@ class CompiledKernel:
     def _load_previous(self, previous: Floats) -> None:
         """Load what AHEAD goes on from, and leaves as what was loaded as positions."""
         if not self._use.previous.size:
-            self._use = self._use._replace(previous=np.empty_like(self._use.position))
-            self._previous = Positions(self._use.previous, self._numbering, self._parts, self._team)
+            buffer = np.empty_like(self._use.position)
+            self._previous = Positions(buffer, self._numbering, self._parts, self._team)
+            # The last one: an interrupt before it leaves neither.
+            self._use = self._use._replace(previous=buffer)
         self._previous.load(previous)
 
     def _load(self, V: Floats, *, to_move: bool = True) -> Known:
         """Load positions, see `Positions.load`; return what is known of them."""
-        there = self._positions.load(V, to_move=to_move)
-        known = self._known if there else Known()
-        self._known = Known() if to_move else known
+        known, self._known = self._known, Known()  # of what is not loaded after an interrupt, nothing
+        if not self._positions.load(V, to_move=to_move):
+            known = Known()
+        if not to_move:
+            self._known = known
         return known
 
     def _measuring(self, wanted: Wanted) -> int:
@@ -283,7 +288,9 @@ class CompiledKernel:
             a, b = position[:, self._single[:, 0]], position[:, self._single[:, 1]]
             lengths += float(np.sqrt(((b - a) ** 2).sum(axis=0)).sum())
         mean_edge = lengths / 2 / self._edge_count if wanted.edges else math.nan
-        return Shape(area, volume, np.array([x, y, z]), mean_edge, variation)
+        centroid = np.array([x, y, z])
+        centroid.setflags(write=False)  # for whoever asks again
+        return Shape(area, volume, centroid, mean_edge, variation)
 
     def _task(self, **others: Any) -> Task:  # noqa: ANN401 - the rest of a Task
         """Return a task of the first part, of no elementary step unless told otherwise."""

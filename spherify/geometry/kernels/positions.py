@@ -34,13 +34,13 @@ class Positions:
             whether it was there.
 
         """
-        there = self._loaded is not None and self._loaded() is V
-        self.hold(None if to_move else V)
-        if there:
-            return True
-
-        self.take(V, self._buffer)
-        return False
+        there = self._loaded is not None and self._loaded() is V and not V.flags.writeable
+        self.hold(None)  # until it is there: what interrupts this may come at any moment
+        if not there:
+            self.take(V, self._buffer)
+        if not to_move:
+            self.hold(V)
+        return there
 
     def take(self, V: Floats, into: Floats) -> None:
         """Write V (n, 3) to ``into`` (3, n), in the order of the passes."""

@@ -165,7 +165,7 @@ def sweep(
             if task.part == 0:
                 hold(mesh, use, True)
             meet(use, task)
-    fetched = 0
+    fetched, behind = 0, begins(mesh, task.last_run)
     begin_vertices(scratch)
     for r in range(task.first_run, task.last_run if sees or measured else task.first_run):
         wanted = entry_of(mesh, r, ON)
@@ -178,9 +178,9 @@ def sweep(
             if weighed and wanted > relaxed:
                 relax(mesh, use, task.relaxation, relaxed, wanted)
                 relaxed = wanted
-        # What follows is brought near while there is much to compute.
+        # What follows is brought near while there is much to compute; behind the part are others, or nothing.
         fetched = max(fetched, moved if moves else begins(mesh, wanted))
-        fetch = fetched if mode.at_once else 0
+        fetch = fetched if mode.at_once and fetched < behind else 0
         if sees:
             see_run(mesh, use, scratch, mode, weighed, measured, r, fetch)
         else:
