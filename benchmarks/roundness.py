@@ -96,12 +96,12 @@ def table(meshes: Sequence[tuple[str, TriangleMesh]], flows: Sequence[str], limi
 
 def warm(flows: Sequence[str], engine: Engine) -> None:
     """Have machine code made and libraries loaded: each flow goes a little way on a pebble, and on what is round."""
+    engine.warm()  # unfolding too, which a pebble does not come to
     ball = icosphere(3)
     pebble = ball.with_vertices(ball.vertices * [1.0, 1.2, 1.5])
     for flow in flows:
         for mesh in (pebble, ball):
             run("pebble", mesh, flow, engine, limit=0.05, watch=lambda _, __: None)
-    engine.warm()  # unfolding, which a pebble does not come to
 
 
 def generated(vertices: int, only: Collection[str] | None = None) -> list[tuple[str, TriangleMesh]]:
