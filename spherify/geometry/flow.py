@@ -314,9 +314,11 @@ class _Run:
 
     def _true(self, progress: Progress) -> bool:
         """Whether no face looks towards the centroid or has all but vanished, which no radius shows."""
+        shape = progress.shape
         if progress.iteration == 0:  # by numpy: see the start's shape
-            return all_outward(progress.position, self._mesh.faces, progress.shape.centroid, VANISHED)
-        figures = self.method.figures(progress.position, progress.shape.centroid)
+            seen = shape.outward and shape.least_area > 2 * VANISHED
+            return seen or all_outward(progress.position, self._mesh.faces, shape.centroid, VANISHED)
+        figures = self.method.figures(progress.position, shape.centroid)
         return figures.inward_faces == 0 and figures.least_area >= VANISHED
 
     def _rescaling(self, shape: Shape) -> float:

@@ -14,6 +14,8 @@ from spherify.geometry.topology import Topology
 
 NEARLY: Final = 0.7  # least over greatest radius; ellipsoids of sphericity 0.99 have 0.79
 
+SURELY: Final = 1e-12  # a hundred times the rounding of a·(b × c) where coordinates are below 1
+
 
 class Wanted(NamedTuple):
     """What is wanted of a shape, of that which takes time.
@@ -45,6 +47,9 @@ class Shape:
         mean_edge: mean length of all edges; nan where it was not wanted.
         radius_variation: area-weighted standard deviation of |p - centroid| over its mean; 0 on a round sphere
             whatever its triangles; may be nan where it is greater than was `Wanted`.
+        outward: whether every face is known to look away from the centroid: by far more than rounding, seen by the
+            way. Where it is False, nothing is known.
+        least_area: of a face, over the mean; 0 where it is not known.
 
     """
 
@@ -53,6 +58,8 @@ class Shape:
     centroid: Floats
     mean_edge: float
     radius_variation: float
+    outward: bool = False
+    least_area: float = 0.0
 
     @property
     def sphericity(self) -> float:
@@ -112,12 +119,16 @@ def shape_of(V: Floats, topology: Topology, wanted: Wanted = ALL) -> Shape:
     area = float(areas.sum())
     centroid = np.asarray(moments.sum(axis=0) / (3 * area) if area else V.mean(axis=0))
     del moments
+    spokes = U - centroid
+    volumes = _volumes(spokes, F)
     return Shape(
         area=area,
-        volume=float(_volumes(U - centroid, F).sum() / 6),
+        volume=float(volumes.sum() / 6),
         centroid=centroid,
         mean_edge=float(_lengths(U, topology.edges).mean()) if wanted.edges else math.nan,
         radius_variation=radius_variation(V, centroid, measures.sum_at_vertices(areas, F, len(V)) / 3),
+        outward=bool(volumes.min(initial=math.inf) > SURELY * max(-spokes.min(), spokes.max()) ** 3),
+        least_area=float(areas.min() / areas.mean()) if area else 0.0,
     )
 
 

@@ -207,3 +207,22 @@ def test_every_block_is_looked_at_for_faces_that_look_inward():
         faces = mesh.faces.copy()
         faces[face] = faces[face, ::-1]
         assert not all_outward(mesh.vertices, faces, np.zeros(3), 0.0)
+
+
+def test_a_shape_knows_by_the_way_that_all_faces_look_outward_or_knows_nothing():
+    rng, topology = np.random.default_rng(6), topology_of(icosphere(3))
+    known = 0
+    for amount in (*np.linspace(0, 0.5, 40), 1e-9):
+        V = 3 * icosphere(3).vertices + amount * rng.standard_normal((topology.n_vertices, 3))
+        shape = shape_of(V, topology)
+        areas = measures.face_areas(V, topology.faces)
+        assert shape.least_area == areas.min() / areas.mean()
+        assert shape.outward == all_outward(V, topology.faces, shape.centroid, 0.0)
+        known += shape.outward
+    assert 10 < known < 40
+    assert not shape_of(np.zeros_like(V), topology).outward
+    tip = V.copy()
+    tip[topology.edges[0, 0]] = tip[topology.edges[0, 1]] * (
+        1 + 1e-14
+    )  # outward or not: only rounding would say
+    assert not shape_of(tip, topology).outward
