@@ -172,9 +172,9 @@ def _reaches(first: Ints, base: Ints, degrees: Ints, ring: _Indices) -> tuple[In
 
 def _twins(topology: Topology) -> _Indices:
     """(3m,) the half-edge against each half-edge, NONE where there is none."""
-    order = np.argsort(topology.halfedge_edges, kind="stable")
-    order = order[topology.interior[topology.halfedge_edges[order]]].reshape(-1, 2)
-    twins = np.full(len(topology.halfedge_edges), NONE, dtype=np.uint32)
+    inside = np.repeat(topology.interior, topology.face_count)
+    order = topology.halfedges[inside].reshape(-1, 2)
+    twins = np.full(len(topology.halfedges), NONE, dtype=np.uint32)
     twins[order[:, 0]], twins[order[:, 1]] = order[:, 1], order[:, 0]
     return twins
 
