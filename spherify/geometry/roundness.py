@@ -13,7 +13,6 @@ from spherify.geometry.mesh import Floats, Ints
 from spherify.geometry.topology import Topology
 
 NEARLY: Final = 0.7  # least over greatest radius; ellipsoids of sphericity 0.99 have 0.79
-
 SURELY: Final = 1e-12  # a hundred times the rounding of a·(b × c) where coordinates are below 1
 
 

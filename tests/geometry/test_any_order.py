@@ -134,3 +134,28 @@ def test_a_shape_whose_edges_are_no_number_is_not_one_without_edges():
     kernel, another = (CompiledEngine(1).prepare(topology, PAPER) for _ in range(2))
     for wanted in (ALL, Wanted(edges=False)):
         assert said(kernel.shape(V, wanted)) == said(another.shape(V.copy(), wanted))
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+@pytest.mark.parametrize("name", MESHES)
+def test_scaled_by_the_way_as_afterwards(name: str, threads: int, monkeypatch: pytest.MonkeyPatch):
+    """To the last bit; what is measured by faces is left to whoever asks, as it came."""
+    monkeypatch.setattr(compiled, "WORTH_SHARING", 1)
+    monkeypatch.setattr(numbering, "WINDOW", 24)
+    mesh, wanted = MESHES[name], Wanted(area=2.0)
+    kernel, another = (
+        CompiledEngine(t).prepare(Topology.of(len(mesh.vertices), mesh.faces), ROBUST) for t in (threads, 1)
+    )
+    V = np.array(mesh.vertices)
+    by_the_way = kernel.transform(V, MORE, 1e-3, 0.5, measured=wanted)
+    plain = another.transform(V, MORE, 1e-3, 0.5)
+    assert by_the_way is not None
+    assert plain is not None
+    shape = another.shape(plain)
+    factor = float(np.sqrt(wanted.area / shape.area))
+    assert abs(factor - 1) > 0.01
+    if name == "sphere":
+        plain, shape = another.scaled(plain, shape.centroid, factor), shape.scaled(factor)
+        assert shape.area == pytest.approx(wanted.area, rel=1e-14)
+    assert said(by_the_way) == said(plain)
+    assert said(kernel.shape(by_the_way, wanted)) == said(shape)
