@@ -141,16 +141,22 @@ class _Forked:
         return self._code
 
     def send_signal(self, sig: int) -> None:
-        """See `Process.send_signal`; one that is not there yet hears nothing."""
-        if self.poll() is None and self._handle >= 0:
-            with suppress(ProcessLookupError):
-                signal.pidfd_send_signal(self._handle, sig)
+        """See `Process.send_signal`, for one that has said that it is there: its server may tell so a moment later."""
+        while self.poll() is None and self._handle < 0:
+            if not self._hear(_FATE_S):
+                self._server.kill()  # it stands still, and what it forked ends with it
+        self._signal(sig)
 
     def kill(self) -> None:
         """See `Process.kill`; one that is not there yet is ended with the server that would make it."""
         if self.poll() is None and self._handle < 0:
             self._server.kill()
-        self.send_signal(signal.SIGKILL)
+        self._signal(signal.SIGKILL)
+
+    def _signal(self, sig: int) -> None:
+        if self._code is None and self._handle >= 0:
+            with suppress(ProcessLookupError):
+                signal.pidfd_send_signal(self._handle, sig)
 
     def _hear(self, timeout_s: float | None) -> bool:
         """Take in one message, waiting that long; whether one came."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -21,7 +22,7 @@ from tests.jobs.examples import ENDLESS, job_spec, stone
 from tests.stack import ROOT, wait_for
 from tests.worker.observation import is_running, parent_of
 from worker.orders import CANCEL_SIGNAL, Order
-from worker.processes import can_fork
+from worker.processes import ForkServer, Process, _Forked, can_fork, spawn
 from worker.runners import Runner, Runners
 
 AMPLE = 8 << 30
@@ -134,6 +135,39 @@ def test_a_signal_sent_before_there_is_a_process_is_heard(forked: Runners, blobs
     runner.start(order(blobs, **ENDLESS))
     assert events_of(runner)[-1]["outcome"]["status"] == "cancelled"
     assert runner.wait(5) == 0
+
+
+@forking
+def test_a_signal_is_heard_by_a_runner_that_was_ready_before_its_server_told_of_it(
+    blobs: FolderBlobStore,
+) -> None:
+    fate, servers_end = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    child: list[Process] = []
+
+    class ToldLate(_Forked):
+        """A runner of which the server tells when somebody waits for it, and not before."""
+
+        def _hear(self, timeout_s: float | None) -> bool:
+            if timeout_s and self._handle < 0:
+                handle = os.pidfd_open(child[0].pid)
+                socket.send_fds(servers_end, [str(child[0].pid).encode()], [handle])
+                os.close(handle)
+            return super()._hear(timeout_s)
+
+    server = ForkServer()
+
+    def start(order: int, events: int) -> Process:
+        child.append(spawn(order, events))
+        return ToldLate(server, fate)
+
+    with servers_end:
+        runner = Runner(start)
+        runner.tell(CANCEL_SIGNAL)
+        runner.start(order(blobs, **ENDLESS))
+        assert events_of(runner)[-1]["outcome"]["status"] == "cancelled"
+        servers_end.send(str(child[0].wait(5)).encode())
+    assert runner.wait(5) == 0
+    server.close()
 
 
 def test_one_killed_before_there_is_a_process_never_is(forked: Runners, blobs: FolderBlobStore) -> None:
