@@ -48,9 +48,10 @@ def test_a_mesh_that_is_refused_is_a_sentence_and_nothing_is_left(tmp_path: Path
 def test_ctrl_c_stops_everything(tmp_path: Path) -> None:
     scratch = tmp_path / "tmp"
     scratch.mkdir()
-    options = ["--iterations", "900000", "--preset", "paper"]
+    (tmp_path / "large.ply").write_bytes(write_mesh(SAMPLES["stone"].build(40_000), "ply"))  # minutes
+    options = ["large.ply", "--iterations", "900000", "--preset", "paper"]
     with running("demo", *options, cwd=tmp_path, environment={"TMPDIR": str(scratch)}) as demo:
-        wait_for((tmp_path / "demo-output" / "quadruped_it00000.obj").exists, limit_s=60)
+        wait_for((tmp_path / "demo-output" / "large_it00000.obj").exists, limit_s=60)
         family = demo.family()
         assert len(family) >= 4  # server, API, worker, pool
         assert demo.end(signal.SIGINT) == 130

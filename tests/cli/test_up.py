@@ -28,7 +28,7 @@ pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="re
 
 API = "-m service"
 WORKER = "-m worker"
-ENDLESS = {"preset": "paper", "iterations": "900000"}
+ENDLESS = {"iterations": "1000000", "annealing": "null", "stop_radius_variation": "0"}
 SERVER = "-server "  # valkey-server or redis-server
 
 

@@ -84,7 +84,7 @@ def test_a_snapshot_can_be_had_before_the_job_is_done_and_the_job_be_cancelled(
     start = SAMPLES["quadruped"].build(600)
     path.write_bytes(write_mesh(start, "obj"))
     endless = {
-        "iterations": "100000",
+        "iterations": "1000000",
         "snapshots": "1,2,3",
         "annealing": "null",
         "stop_radius_variation": "0",
