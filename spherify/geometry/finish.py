@@ -48,25 +48,29 @@ def steps_of(n: int) -> int:
     return min(max(WORK // n, FEWEST), STEPS)
 
 
-def finished(V: Floats, F: Ints, centre: Floats) -> Floats:
+def finished(
+    V: Floats, F: Ints, centre: Floats, *, barrier: float = LOWER, steps: int | None = None
+) -> Floats:
     """Return (n, 3) positions of less energy; V as it is where something does not look outward, or nothing falls.
 
     Args:
         V: (n, 3) positions.
         F: (m, 3) faces, closed, all of which look outward from the centre.
         centre: (3,) c.
+        barrier: in the place of LOWER.
+        steps: as many; `steps_of` the number of vertices by default.
 
     """
     size = float(measures.norm(V - centre).mean())
     P = np.asfortranarray((V - centre) / size)
-    at = _energy(P, F)
+    at = _energy(P, F, barrier)
     pairs: list[tuple[Floats, Floats, float]] = []  # moves, what the gradient changed by, and their product
-    for _ in range(steps_of(len(V))):
+    for _ in range(steps_of(len(V)) if steps is None else steps):
         if at is None:
             return V
         move = -_solved(at, P, pairs)
         slope = float((move * at.gradient).sum())
-        found = _fallen(P, F, at, move, slope) if slope < 0 else None
+        found = _fallen(P, F, at, move, slope, lower=barrier) if slope < 0 else None
         if found is None:
             if not pairs:
                 break
@@ -105,19 +109,21 @@ def _by_diagonal(at: _Energy, P: Floats, vectors: Floats) -> Floats:
     return found
 
 
-def _fallen(P: Floats, F: Ints, at: _Energy, move: Floats, slope: float) -> tuple[Floats, _Energy] | None:
+def _fallen(
+    P: Floats, F: Ints, at: _Energy, move: Floats, slope: float, *, lower: float
+) -> tuple[Floats, _Energy] | None:
     """Return positions along the move at which E is less, and E there."""
     share = 1.0
     for _ in range(HALVINGS):
         moved = P + share * move
-        there = _energy(moved, F)
+        there = _energy(moved, F, lower)
         if there is not None and there.value < at.value + FALLS * share * slope:
             return moved, there
         share /= 2
     return None
 
 
-def _energy(P: Floats, F: Ints) -> _Energy | None:
+def _energy(P: Floats, F: Ints, lower: float) -> _Energy | None:
     """Return E at positions from the centre; None beyond the barrier."""
     n, m = len(P), len(F)
     radii = measures.norm(P)[:, None]
@@ -131,7 +137,7 @@ def _energy(P: Floats, F: Ints) -> _Energy | None:
     volumes = measures.dot(a, measures.cross(b - a, c - a))
     if not (volumes.min() > 0 and areas.min() > 0 and volume > 0):  # of what is not finite too
         return None
-    barrier = LOWER * 4 * np.pi / m**2
+    barrier = lower * 4 * np.pi / m**2
     normals = vectors / areas[:, None]
     gradient, pushed = np.zeros((n, 3)), np.zeros((n, 3))
     tangential, radial = np.zeros(n), np.zeros(n)

@@ -8,7 +8,7 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from spherify.geometry import measures
+from spherify.geometry import measures, reinsertion
 from spherify.geometry.covering import covering
 from spherify.geometry.flow import FlowState, StopReason, flow
 from spherify.geometry.kernels import ENGINES, get_engine
@@ -148,6 +148,7 @@ def test_what_is_lost_with_all_rounds_is_unfolded_with_fewer(coil):
 @pytest.mark.parametrize("coil", COARSE_COILS)
 def test_what_cannot_be_unwound_ends_as_it_was_and_not_collapsed(coil, monkeypatch):
     monkeypatch.setattr(curvature, "LEAST_ROUNDS", ROBUST.unfolding.rounds)
+    monkeypatch.setattr(reinsertion, "MOST", 0)
     controls, sphericities, last = run.__wrapped__(*coil)
     phases = [control.phase for control in controls]
     assert last.stop_reason == StopReason.STALLED
@@ -199,6 +200,7 @@ def test_beginning_anew_resumes_bit_by_bit():
 
 def test_giving_up_resumes_bit_by_bit(monkeypatch):
     monkeypatch.setattr(curvature, "LEAST_ROUNDS", ROBUST.unfolding.rounds)
+    monkeypatch.setattr(reinsertion, "MOST", 0)
     mesh = wound(1.5, 10, 80)
     whole = list(flow(mesh, ROBUST, engine="compiled"))
     given_up = [Control(*state.checkpoint()["control"]).given_up for state in whole]

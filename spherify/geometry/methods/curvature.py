@@ -3,7 +3,8 @@
 T moves along the normals until the surface is nearly round; then the radii are evened out and folds undone, on the
 sphere; then T goes on along the normals, while nothing folds and it gets rounder; and in the end along the radii, while
 directions climb to the greatest sphericity, neither of which turns a face. What is not round enough after that is
-finished by both together. The phases and the rules between them are `spherify.geometry.methods.control`.
+finished by both together, and directions that do not unfold are set anew (`spherify.geometry.reinsertion`). The phases
+and the rules between them are `spherify.geometry.methods.control`.
 
 Vartziotis, "Curvature transformation", arXiv:1608.03898, section 2. Momentum, annealing and unfolding are ours; the
 momentum is that of Nesterov, with the restarts of O'Donoghue and Candès, "Adaptive restart for accelerated gradient
@@ -43,6 +44,7 @@ from spherify.geometry.methods.control import (
 from spherify.geometry.methods.interface import Standstill, Step
 from spherify.geometry.metrics import Figures
 from spherify.geometry.progress import Layout, Memory, Progress
+from spherify.geometry.reinsertion import reinserted
 from spherify.geometry.roundness import ALL, Shape, Wanted
 from spherify.geometry.schedule import stage_at
 from spherify.geometry.topology import Topology
@@ -53,6 +55,8 @@ ROUND: Final = 0.999  # sphericity from which on equal radii soon end a run; a l
 TURNED: Final = 0.1  # share of the sphere that inward faces may cover; more are no folds but a cavity
 FALLEN: Final = 0.01  # of the sphericity; by less it goes to and fro while it rises
 PATIENCES: Final = 4  # of the annealing, that something may take on the sphere to get better
+LONG_FOLDED: Final = 2000  # iterations, after as many of which folds are no longer waited for
+OFTEN: Final = 4  # times that the part on the sphere has begun, after which directions are no more set anew
 LEAST_ROUNDS: Final = 2  # of unfolding after an iteration, however often it began anew
 WEIGHT_DAMPING: Final = 1.2  # over the exponent: share of the way the weights go; more, and they swing
 
@@ -180,6 +184,11 @@ class CurvatureTransformation:
             if control.inward and not self._kernel.shape(found.positions).volume > 0:
                 self._decided = progress, self._anew(progress, control)
                 return self.advance(progress)
+            if control.spreads and (found.inward or not found.least_area > 0):
+                anew = self._reinserted(here, centre, control)  # rounding cannot tell triangles apart
+                if anew is not None:
+                    self._decided = progress, anew
+                    return self.advance(progress)
             self._folds = found
             return found.positions
         if control.phase == Phase.FINISH:
@@ -296,16 +305,24 @@ class CurvatureTransformation:
                 # T may unwind it, but takes long. What was rounder before waits for FOLDED, which goes back to that.
                 return self._about_another_point(here, centre, control) or Next(control, here, centre)
         elif control.phase == Phase.SPHERE and control.inward:
-            # What moves far may pass the centre.
-            lost = looked and self._kernel.covering(here, centre).degree != 1
-            if lost or self._no_better(control):
-                return self._anew(progress, control)
+            return self._while_folded(progress, control, looked=looked)
         elif control.phase == Phase.STAR:
             if looked:
                 inward = self._kernel.figures(here, progress.shape.centroid).inward_faces
                 centre = centre if inward else progress.shape.centroid
             if self._short(progress) and self._annealed_down(control):
                 control = control.as_finish(progress.shape)
+        return Next(control, here, centre)
+
+    def _while_folded(self, progress: Progress, control: Control, *, looked: bool) -> Next:
+        """Return what the next iteration on the sphere begins with while faces look inward."""
+        here, centre = progress.position, progress.memory["centre"]
+        # What moves far may pass the centre.
+        lost = looked and self._kernel.covering(here, centre).degree != 1
+        if lost or self._no_better(control):
+            return self._anew(progress, control)
+        if progress.iteration % LONG_FOLDED == 0:
+            return self._reinserted(here, centre, control) or Next(control, here, centre)
         return Next(control, here, centre)
 
     def _onto_the_sphere(self, progress: Progress, control: Control, here: Floats) -> Next:
@@ -339,8 +356,16 @@ class CurvatureTransformation:
         patience = np.inf if annealing is None else max(PATIENCES * annealing.patience, WAITED)
         return control.phase == Phase.SPHERE and control.waited >= patience
 
+    def _reinserted(self, V: Floats, centre: Floats, control: Control) -> Next | None:
+        """Go on from V (n, 3) with directions set anew, if they can be, and that was not done often already."""
+        here = reinserted(V, self._faces, centre) if control.times <= OFTEN else None
+        return None if here is None else Next(self._begun(here, centre, control), here, centre)
+
     def _given_up(self, progress: Progress, control: Control) -> Next:
-        """Go back to the refuge, and on along the normals to the end: nothing on the sphere leads further."""
+        """Set directions anew; or go back to the refuge, and on along the normals: nothing else leads further."""
+        anew = self._reinserted(self._refuge(progress), progress.memory["centre"], control)
+        if anew is not None:
+            return anew
         annealing = self._config.annealing
         least = control.annealing if annealing is None else annealing.min_step / self._config.step
         again = Control(0.0, min(control.annealing, least), GIVEN_UP, 0, times=max(control.times, 1.0))

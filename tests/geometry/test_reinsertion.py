@@ -1,0 +1,197 @@
+"""Directions set anew: from whatever tangle, all look outward; in a run, what nothing else unfolds ends as a sphere."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from itertools import islice, pairwise
+
+import numpy as np
+import pytest
+
+from spherify.geometry import measures, reinsertion
+from spherify.geometry.covering import covering
+from spherify.geometry.flow import FlowState, StopReason, flow
+from spherify.geometry.kernels.sphere import OnTheSphere
+from spherify.geometry.mesh import TriangleMesh
+from spherify.geometry.methods import curvature
+from spherify.geometry.methods.control import Control, Phase
+from spherify.geometry.presets import PRESETS
+from spherify.geometry.reinsertion import _Removal, _Triangulation, reinserted
+from spherify.geometry.samples.solids import icosphere
+from spherify.geometry.unfolding import folds
+from tests.geometry.shapes import drum, octahedron, sample, tetrahedron
+from tests.geometry.test_covering import wound
+
+ROBUST = PRESETS["robust"].config
+CENTRE = np.array([0.01, -0.02, 0.005])
+MESHES = {
+    "tetrahedron": tetrahedron(),
+    "octahedron": octahedron(),
+    "ball": icosphere(6),
+    "drum": drum(24, 3),
+    "fans": drum(60, 1),
+    "coil": wound(1.5, 5, 40),
+    "quadruped": sample("quadruped", 400),
+}
+
+
+def coil(turns: int, rings: int, around: int = 6) -> TriangleMesh:
+    """A tube along a helix, closed at its ends by a vertex each."""
+    angle = np.linspace(0, 2 * np.pi * turns, rings)
+    line = np.stack([np.cos(angle), np.sin(angle), 0.8 * angle / (2 * np.pi)], axis=1)
+    ahead = measures.normalised(np.gradient(line, axis=0))
+    out = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+    turn = 2 * np.pi * np.arange(around) / around
+    ring = np.cos(turn)[:, None] * out[:, None] + np.sin(turn)[:, None] * np.cross(ahead, out)[:, None]
+    tube = (line[:, None] + 0.25 * ring).reshape(-1, 3)
+    V = np.vstack([tube, line[:1] - 0.25 * ahead[:1], line[-1:] + 0.25 * ahead[-1:]])
+    here = np.arange(around)
+    there, last, n = (here + 1) % around, (rings - 1) * around, len(tube)
+    faces = [np.stack([np.full(around, n), here, there], axis=1)]
+    faces.append(np.stack([np.full(around, n + 1), last + there, last + here], axis=1))
+    for row in range(0, last, around):
+        faces.append(np.stack([row + here, row + around + there, row + there], axis=1))
+        faces.append(np.stack([row + here, row + around + here, row + around + there], axis=1))
+    F = np.concatenate(faces)
+    return TriangleMesh.checked(V, F if measures.volume(V, F, np.zeros(3)) > 0 else F[:, ::-1])
+
+
+def tangled(mesh: TriangleMesh, seed: int = 0):
+    """Vertices anywhere about the centre."""
+    return np.asfortranarray(CENTRE + np.random.default_rng(seed).normal(size=mesh.vertices.shape))
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("mesh", MESHES.values(), ids=MESHES.keys())
+def test_from_any_tangle_all_faces_look_outward_and_cover_the_sphere_once(mesh, seed):
+    V = tangled(mesh, seed)
+    found = reinserted(V, mesh.faces, CENTRE)
+    spokes = found - CENTRE
+    inward, least = folds(measures.normalised(spokes), mesh.faces)
+    assert inward == 0
+    assert least > 1e-9
+    assert covering(found, mesh.faces, CENTRE).degree == 1
+    assert measures.norm(spokes) == pytest.approx(measures.norm(V - CENTRE).mean(), rel=1e-12)
+
+
+def test_twice_is_the_same_to_the_last_bit():
+    mesh = MESHES["quadruped"]
+    one, other = (reinserted(tangled(mesh), mesh.faces, CENTRE) for _ in range(2))
+    assert one.tobytes() == other.tobytes()
+
+
+@pytest.mark.parametrize("mesh", MESHES.values(), ids=MESHES.keys())
+def test_taking_out_leaves_triangulations_of_a_sphere_and_is_undone_by_putting_back(mesh):
+    n = len(mesh.vertices)
+    before = _Triangulation(n, mesh.faces).after
+    removal = _Removal(measures.normalised(tangled(mesh) - CENTRE), mesh.faces)
+    removal.until_four()
+    assert len(removal.left) == 4
+    left = set(removal.left)
+    for level in reversed(removal.levels):
+        for merge in reversed(level):
+            removal.triangles.put_back(merge)
+            left.add(merge.vertex)
+            faces = removal.triangles.faces(sorted(left))
+            assert len(faces) == 2 * len(left) - 4
+            edges = {(int(f[k]), int(f[(k + 1) % 3])) for f in faces for k in range(3)}
+            assert len(edges) == 3 * len(faces), "no edge twice in one direction"
+            assert all((b, a) in edges for a, b in edges)
+    assert removal.triangles.after == before
+
+
+def test_only_what_looks_inward_is_taken_out():
+    ball = icosphere(6)
+    U = ball.vertices.copy()
+    U[7] = -U[7]
+    removal = _Removal(measures.normalised(U), ball.faces)
+    assert removal.until_outward()
+    assert [merge.vertex for level in removal.levels for merge in level] == [7]
+    untouched = _Removal(ball.vertices, ball.faces)
+    assert untouched.until_outward()
+    assert not untouched.levels
+
+
+def test_what_rounding_cannot_tell_apart_has_room_again():
+    ball = icosphere(8)
+    U = ball.vertices.copy()
+    towards = U @ U[100]
+    for share, angle in ((1e-6, 0.8), (1e-6, 0.5), (1e-4, 0.3)):  # of 1e-16 in the end
+        near = towards > np.cos(angle)
+        U[near] = U[100] + share * (U[near] - U[100])
+    U = measures.normalised(U)
+    assert folds(U, ball.faces)[1] < 1e-20
+    found = reinserted(U, ball.faces, np.zeros(3))
+    inward, least = folds(found, ball.faces)
+    assert inward == 0
+    assert least > 1e-2
+
+
+def test_of_more_vertices_than_can_be_waited_for_it_keeps_off(monkeypatch):
+    ball = icosphere(3)
+    monkeypatch.setattr(reinsertion, "MOST", len(ball.vertices) - 1)
+    assert reinserted(tangled(ball), ball.faces, CENTRE) is None
+
+
+@cache
+def run() -> list[FlowState]:
+    return list(flow(coil(4, 80), ROBUST, engine="compiled"))
+
+
+def test_a_coil_that_nothing_unwinds_ends_as_a_sphere(monkeypatch):
+    *_, last = run()
+    areas = measures.face_areas(last.vertices, coil(4, 80).faces)
+    assert last.stop_reason == StopReason.STALLED
+    assert last.metrics().inward_faces == 0
+    assert areas.min() > 1e-6 * areas.mean()
+    assert last.sphericity > 0.97
+    monkeypatch.setattr(curvature, "reinserted", lambda *_: None)
+    *_, tangle = flow(coil(4, 80), ROBUST, engine="compiled")
+    assert tangle.metrics().inward_faces > 100
+
+
+def anew(states) -> int:
+    """Return the first state of those whose directions were set anew."""
+    controls = [Control(*state.checkpoint()["control"]) for state in states]
+    pairs = pairwise(controls)
+    return next(
+        i + 1
+        for i, (one, next_) in enumerate(pairs)
+        if one.phase == Phase.SPHERE and one.inward > 0 and not next_.inward and next_.times > one.times
+    )
+
+
+def test_that_resumes_bit_by_bit():
+    begun = anew(run())
+    for start in range(begun - 3, begun + 2):
+        resumed = islice(flow(coil(4, 80), ROBUST, engine="compiled", resume=run()[start].checkpoint()), 10)
+        for state, expected in zip(resumed, run()[start + 1 : start + 11], strict=True):
+            assert state.vertices.tobytes() == expected.vertices.tobytes()
+
+
+def test_folds_are_not_waited_for_without_end(monkeypatch):
+    monkeypatch.setattr(curvature, "LONG_FOLDED", 80)
+    states = list(flow(wound(1.5, 10, 80), ROBUST, engine="compiled"))
+    assert anew(states) == 81
+    assert states[-1].metrics().inward_faces == 0
+
+
+@pytest.mark.parametrize("how", [(1, 1e-9), (0, np.nan)], ids=["turned", "no-number"])
+def test_where_rounding_ends_the_drawing_apart_directions_are_set_anew(monkeypatch, how):
+    """As on a random tree of 3,000 vertices, of whose tips unfolding had left 1e-25, and which ended as collapsed."""
+    spread, asked = OnTheSphere.spread, []
+
+    def as_if_rounded(self, V, centre, rounds):
+        found = spread(self, V, centre, rounds)
+        asked.append(len(asked))
+        return found if len(asked) > 1 else replace(found, inward=how[0], least_area=how[1])
+
+    monkeypatch.setattr(OnTheSphere, "spread", as_if_rounded)
+    times = []
+    for state in flow(wound(2.2, 12, 120), ROBUST, engine="compiled"):
+        times.append(Control(*state.checkpoint()["control"]).times)
+    assert asked
+    assert times[-1] == 2
+    assert state.metrics().inward_faces == 0
+    assert state.sphericity > 0.99
