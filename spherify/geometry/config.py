@@ -72,6 +72,7 @@ class Unfolding:
     has nearly vanished. After that T goes on along the normals; and, when nothing gets rounder by that or faces turn
     inward again, unless the run has converged, along the radii, while directions climb (`spherify.geometry.ascent`).
     What ends short of a sphere by that is finished: radii and directions climb together (`spherify.geometry.finish`).
+    Directions that do not unfold are set anew from the connectivity (`spherify.geometry.reinsertion`).
 
     Attributes:
         sphericity: from which on.

@@ -177,6 +177,18 @@ def test_folds_are_not_waited_for_without_end(monkeypatch):
     assert states[-1].metrics().inward_faces == 0
 
 
+@pytest.mark.parametrize("most", [reinsertion.MOST, 0])
+def test_what_gets_no_better_on_the_sphere_does_not_end_folded_if_it_need_not(monkeypatch, most):
+    monkeypatch.setattr(curvature, "PATIENCES", 0)
+    monkeypatch.setattr(curvature, "WAITED", 0)
+    monkeypatch.setattr(curvature, "LEAST_ROUNDS", ROBUST.unfolding.rounds)
+    monkeypatch.setattr(curvature, "MOST", most)
+    *_, last = flow(wound(1.5, 10, 80), ROBUST, engine="compiled")
+    assert last.stop_reason == StopReason.STALLED
+    assert (last.metrics().inward_faces == 0) == (most > 0)
+    assert ("on the sphere" in last.stop_detail) == (most == 0)
+
+
 @pytest.mark.parametrize("how", [(1, 1e-9), (0, np.nan)], ids=["turned", "no-number"])
 def test_where_rounding_ends_the_drawing_apart_directions_are_set_anew(monkeypatch, how):
     """As on a random tree of 3,000 vertices, of whose tips unfolding had left 1e-25, and which ended as collapsed."""

@@ -21,7 +21,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from spherify.geometry.config import LATE
+from spherify.geometry.config import LATE, FlowConfig, Unfolding
 from spherify.geometry.finish import STEPS
 from spherify.geometry.mesh import Floats
 from spherify.geometry.progress import Progress
@@ -29,6 +29,7 @@ from spherify.geometry.roundness import Shape
 from spherify.geometry.unfolding import Unfolded
 
 LATE_ENOUGH: Final = 0.8  # sphericity from which on a surface is round enough after LATE iterations
+ROUND_ENOUGH: Final = 0.2  # radius variation below which a run that is stuck goes on upon the sphere
 LATER_LESS: Final = (
     1e-3  # by which that falls with each iteration more: what is wound tightly may rise no further
 )
@@ -124,6 +125,35 @@ class Control(NamedTuple):
     def given_up(self) -> bool:
         """Whether nothing on the sphere led further, so that T goes on along the normals to the end."""
         return self.plateau == GIVEN_UP
+
+    def annealed(
+        self, before: Shape, shape: Shape, config: FlowConfig, unfolding: Unfolding | None
+    ) -> Control:
+        """Return it after an iteration of T; FOLDED if nothing gets rounder along the normals.
+
+        Args:
+            before: the surface before it.
+            shape: and after it.
+            config: of the run.
+            unfolding: how what is stuck goes on, None if not at all.
+
+        """
+        momentum = min(grown(self.momentum), config.momentum)
+        annealing, plateau, waited = self.annealing, self.plateau, self.waited + 1
+        if shape.sphericity < before.sphericity:
+            momentum = 0.0
+        if shape.sphericity > plateau + PLATEAU_RISE:
+            plateau, waited = shape.sphericity, 0
+        elif self.phase == Phase.SMOOTHING:  # ends by what it has waited
+            pass
+        elif config.annealing is not None and waited >= config.annealing.patience:
+            annealing, waited = annealing * config.annealing.factor, 0
+            over = config.step * annealing < config.annealing.min_step
+            if self.phase == Phase.NORMALS and not self.times and unfolding is not None:
+                low = shape.sphericity < unfolding.sphericity and shape.radius_variation < ROUND_ENOUGH
+                if over or low:  # as round as T along the normals makes it
+                    return Control(0.0, annealing, plateau, 0, Phase.FOLDED)
+        return self._replace(momentum=momentum, annealing=annealing, plateau=plateau, waited=waited)
 
     def as_star(self, shape: Shape) -> Control:
         """Return it as STAR begins."""

@@ -38,19 +38,17 @@ from spherify.geometry.methods.control import (
     Control,
     Next,
     Phase,
-    grown,
     round_enough,
 )
 from spherify.geometry.methods.interface import Standstill, Step
 from spherify.geometry.metrics import Figures
 from spherify.geometry.progress import Layout, Memory, Progress
-from spherify.geometry.reinsertion import reinserted
+from spherify.geometry.reinsertion import MOST, reinserted
 from spherify.geometry.roundness import ALL, Shape, Wanted
 from spherify.geometry.schedule import stage_at
 from spherify.geometry.topology import Topology
 from spherify.geometry.unfolding import Unfolded
 
-ROUND_ENOUGH: Final = 0.2  # radius variation below which a run that is stuck goes on upon the sphere
 ROUND: Final = 0.999  # sphericity from which on equal radii soon end a run; a lower one may still rise
 TURNED: Final = 0.1  # share of the sphere that inward faces may cover; more are no folds but a cavity
 FALLEN: Final = 0.01  # of the sphericity; by less it goes to and fro while it rises
@@ -159,7 +157,8 @@ class CurvatureTransformation:
             return None
         if control.given_up:
             return STILL_WOUND if control.waited >= LOOKED_EVERY else None
-        if self._no_better(control) and not self._once_more(control):
+        lasting = control.inward > 0 and not self._anew_yet(control)
+        if lasting and self._no_better(control) and not self._once_more(control):
             return (
                 f"neither the radius variation, now {progress.shape.radius_variation:.2e}, nor the number of faces "
                 f"that look inward, at best {control.fewest:.0f}, fell in {control.waited:.0f} iterations on the sphere"
@@ -220,7 +219,7 @@ class CurvatureTransformation:
         if control.phase == Phase.FINISH:
             after = control.climbed(shape, steps_of(self._n))
         elif self._folds is None:
-            after = self._annealed(control, progress, shape)
+            after = control.annealed(progress.shape, shape, self._config, self._unfolding)
         else:
             after = control.evened(shape, self._folds)
             if control.inward:
@@ -231,32 +230,6 @@ class CurvatureTransformation:
             "centre": centre,
             "log_weights": weights,
         }
-
-    def _annealed(self, control: Control, progress: Progress, shape: Shape) -> Control:
-        """Return the control after an iteration of T."""
-        config, reached = self._config, shape.sphericity
-        momentum = min(grown(control.momentum), config.momentum)
-        annealing, plateau, waited = control.annealing, control.plateau, control.waited + 1
-        if reached < progress.shape.sphericity:
-            momentum = 0.0
-        if reached > plateau + PLATEAU_RISE:
-            plateau, waited = reached, 0
-        elif control.phase == Phase.SMOOTHING:  # ends by what it has waited, see `_decision`
-            pass
-        elif config.annealing is not None and waited >= config.annealing.patience:
-            annealing, waited = annealing * config.annealing.factor, 0
-            over = config.step * annealing < config.annealing.min_step
-            if control.phase == Phase.NORMALS and not control.times and self._stuck(shape, over=over):
-                return Control(0.0, annealing, plateau, 0, Phase.FOLDED)
-        return control._replace(momentum=momentum, annealing=annealing, plateau=plateau, waited=waited)
-
-    def _stuck(self, shape: Shape, *, over: bool) -> bool:
-        """Whether a run that gets no rounder, ``over`` or not, is as round as T along the normals makes it."""
-        if self._unfolding is None:
-            return False
-        return over or (
-            shape.sphericity < self._unfolding.sphericity and shape.radius_variation < ROUND_ENOUGH
-        )
 
     def _annealed_down(self, control: Control) -> bool:
         """Whether the step has become too small to go on."""
@@ -306,6 +279,8 @@ class CurvatureTransformation:
                 return self._about_another_point(here, centre, control) or Next(control, here, centre)
         elif control.phase == Phase.SPHERE and control.inward:
             return self._while_folded(progress, control, looked=looked)
+        elif control.phase == Phase.SPHERE and self._no_better(control):  # small triangles, that make no room
+            control = control.as_star(progress.shape)
         elif control.phase == Phase.STAR:
             if looked:
                 inward = self._kernel.figures(here, progress.shape.centroid).inward_faces
@@ -356,20 +331,30 @@ class CurvatureTransformation:
         patience = np.inf if annealing is None else max(PATIENCES * annealing.patience, WAITED)
         return control.phase == Phase.SPHERE and control.waited >= patience
 
+    def _astray(self, V: Floats, centre: Floats) -> tuple[bool, int]:
+        """Return whether directions cover the sphere otherwise than once, and how many faces look inward."""
+        return self._kernel.covering(V, centre).degree != 1, self._kernel.folds(V, centre)[0]
+
+    def _anew_yet(self, control: Control) -> bool:
+        """Whether directions may be set anew: that is not too much, and was not done often already."""
+        return control.times <= OFTEN and self._n <= MOST
+
     def _reinserted(self, V: Floats, centre: Floats, control: Control) -> Next | None:
-        """Go on from V (n, 3) with directions set anew, if they can be, and that was not done often already."""
-        here = reinserted(V, self._faces, centre) if control.times <= OFTEN else None
+        """Go on from V (n, 3) with directions set anew, if they can be."""
+        here = reinserted(V, self._faces, centre) if self._anew_yet(control) else None
         return None if here is None else Next(self._begun(here, centre, control), here, centre)
 
     def _given_up(self, progress: Progress, control: Control) -> Next:
         """Set directions anew; or go back to the refuge, and on along the normals: nothing else leads further."""
-        anew = self._reinserted(self._refuge(progress), progress.memory["centre"], control)
+        centre = progress.memory["centre"]
+        here = min(progress.position, self._refuge(progress), key=lambda V: self._astray(V, centre))
+        anew = self._reinserted(here, centre, control)
         if anew is not None:
             return anew
         annealing = self._config.annealing
         least = control.annealing if annealing is None else annealing.min_step / self._config.step
         again = Control(0.0, min(control.annealing, least), GIVEN_UP, 0, times=max(control.times, 1.0))
-        return Next(again, self._refuge(progress), progress.memory["centre"])
+        return Next(again, self._refuge(progress), centre)
 
     def _refuge(self, progress: Progress) -> Floats:
         """(n, 3) what to go back to: on the sphere what it began with, and of what gets no rounder the roundest."""
