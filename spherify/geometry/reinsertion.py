@@ -5,7 +5,7 @@ that no more moving helps. Their triangulation is that of a sphere, all the same
 looks inward, or has vanished, is merged into a neighbour q, p's other neighbours becoming q's; and so on with what is
 left, a tetrahedron at last, until all triangles look outward and cover the sphere once. Put back in reverse order, a
 vertex has its place within the ring of its neighbours, near q if nowhere else, where all its triangles look outward.
-After each level, of vertices of which no two are neighbours, directions make room (`spherify.geometry.finish`).
+Now and then directions make room for each other (`spherify.geometry.finish`), or the last would have none.
 
 Progressive meshes are of Hoppe, 1996, and a sphere is had from them by Praun and Hoppe, "Spherical parametrization and
 remeshing", 2003. Which vertex is merged is ours. Vertices should have six neighbours, and no three, four or five edges
@@ -25,9 +25,7 @@ from spherify.geometry.covering import covering
 from spherify.geometry.finish import finished
 from spherify.geometry.mesh import Floats, Ints
 
-MOST: Final = (
-    10_000  # vertices of a mesh: of as many all is done in some ten seconds, in which a run hears nothing
-)
+MOST: Final = 10_000  # vertices: of as many all is done in some ten seconds, in which a run hears nothing
 LEAST: Final = 1e-5  # of the mean volume between a triangle of directions and the centre, for it to stay
 SHARE: Final = 0.3  # of the vertices, that are taken out in a level at most
 EASY: Final = 12  # neighbours, of a vertex that is taken out before those with more
@@ -336,6 +334,6 @@ def _place(R: Floats) -> NDArray[np.float64] | None:
     aims = (R.mean(axis=0) - R[0], R[1:].mean(axis=0) - R[0], (sides[0] + sides[-1]) * size)
     tried = R[0] + np.concatenate([SHORTENED[:, None] * aim for aim in aims])
     tried = measures.normalised(tried)
-    heights = (tried @ sides.T).min(axis=1)
+    heights = (tried[:, None] * sides).sum(axis=2).min(axis=1)  # a product of matrices differs by machine
     best = int(heights.argmax())
     return tried[best] if heights[best] > 0 else None

@@ -20,7 +20,7 @@ from spherify.geometry.presets import PRESETS
 from spherify.geometry.reinsertion import _Removal, _Triangulation, reinserted
 from spherify.geometry.samples.solids import icosphere
 from spherify.geometry.unfolding import folds
-from tests.geometry.shapes import drum, octahedron, sample, tetrahedron
+from tests.geometry.shapes import drum, octahedron, tetrahedron
 from tests.geometry.test_covering import wound
 
 ROBUST = PRESETS["robust"].config
@@ -32,7 +32,7 @@ MESHES = {
     "drum": drum(24, 3),
     "fans": drum(60, 1),
     "coil": wound(1.5, 5, 40),
-    "quadruped": sample("quadruped", 400),
+    "string": wound(0.9, 4, 60),
 }
 
 
@@ -76,7 +76,7 @@ def test_from_any_tangle_all_faces_look_outward_and_cover_the_sphere_once(mesh, 
 
 
 def test_twice_is_the_same_to_the_last_bit():
-    mesh = MESHES["quadruped"]
+    mesh = MESHES["coil"]
     one, other = (reinserted(tangled(mesh), mesh.faces, CENTRE) for _ in range(2))
     assert one.tobytes() == other.tobytes()
 
@@ -134,20 +134,23 @@ def test_of_more_vertices_than_can_be_waited_for_it_keeps_off(monkeypatch):
     assert reinserted(tangled(ball), ball.faces, CENTRE) is None
 
 
+BRIEFLY = replace(ROBUST, iterations=280)  # what follows makes it rounder, and takes long
+
+
 @cache
 def run() -> list[FlowState]:
-    return list(flow(coil(4, 80), ROBUST, engine="compiled"))
+    return list(flow(coil(4, 80), BRIEFLY, engine="compiled"))
 
 
 def test_a_coil_that_nothing_unwinds_ends_as_a_sphere(monkeypatch):
-    *_, last = run()
+    *_, last = flow(coil(4, 80), ROBUST, engine="compiled")
     areas = measures.face_areas(last.vertices, coil(4, 80).faces)
     assert last.stop_reason == StopReason.STALLED
     assert last.metrics().inward_faces == 0
     assert areas.min() > 1e-6 * areas.mean()
     assert last.sphericity > 0.97
     monkeypatch.setattr(curvature, "reinserted", lambda *_: None)
-    *_, tangle = flow(coil(4, 80), ROBUST, engine="compiled")
+    *_, tangle = flow(coil(4, 80), BRIEFLY, engine="compiled")
     assert tangle.metrics().inward_faces > 100
 
 
@@ -165,14 +168,14 @@ def anew(states) -> int:
 def test_that_resumes_bit_by_bit():
     begun = anew(run())
     for start in range(begun - 3, begun + 2):
-        resumed = islice(flow(coil(4, 80), ROBUST, engine="compiled", resume=run()[start].checkpoint()), 10)
+        resumed = islice(flow(coil(4, 80), BRIEFLY, engine="compiled", resume=run()[start].checkpoint()), 10)
         for state, expected in zip(resumed, run()[start + 1 : start + 11], strict=True):
             assert state.vertices.tobytes() == expected.vertices.tobytes()
 
 
 def test_folds_are_not_waited_for_without_end(monkeypatch):
     monkeypatch.setattr(curvature, "LONG_FOLDED", 80)
-    states = list(flow(wound(1.5, 10, 80), ROBUST, engine="compiled"))
+    states = list(flow(wound(1.5, 10, 80), BRIEFLY, engine="compiled"))
     assert anew(states) == 81
     assert states[-1].metrics().inward_faces == 0
 
@@ -183,10 +186,10 @@ def test_what_gets_no_better_on_the_sphere_does_not_end_folded_if_it_need_not(mo
     monkeypatch.setattr(curvature, "WAITED", 0)
     monkeypatch.setattr(curvature, "LEAST_ROUNDS", ROBUST.unfolding.rounds)
     monkeypatch.setattr(curvature, "MOST", most)
-    *_, last = flow(wound(1.5, 10, 80), ROBUST, engine="compiled")
-    assert last.stop_reason == StopReason.STALLED
+    *_, last = flow(wound(1.5, 10, 80), BRIEFLY, engine="compiled")
+    assert (last.stop_reason == StopReason.STALLED) == (most == 0)
     assert (last.metrics().inward_faces == 0) == (most > 0)
-    assert ("on the sphere" in last.stop_detail) == (most == 0)
+    assert most or "on the sphere" in last.stop_detail
 
 
 @pytest.mark.parametrize("how", [(1, 1e-9), (0, np.nan)], ids=["turned", "no-number"])
@@ -201,7 +204,7 @@ def test_where_rounding_ends_the_drawing_apart_directions_are_set_anew(monkeypat
 
     monkeypatch.setattr(OnTheSphere, "spread", as_if_rounded)
     times = []
-    for state in flow(wound(2.2, 12, 120), ROBUST, engine="compiled"):
+    for state in flow(wound(2.2, 12, 120), replace(ROBUST, iterations=330), engine="compiled"):
         times.append(Control(*state.checkpoint()["control"]).times)
     assert asked
     assert times[-1] == 2
