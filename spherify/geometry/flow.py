@@ -298,6 +298,8 @@ class _Run:
             if isinstance(moved, Breakdown):
                 return progress.broken(moved.detail)
             shape = self.method.shape(moved)
+            if not self._valid(shape) and (rescued := self.method.rescued(progress)) is not None:
+                moved, shape = rescued, self.method.shape(rescued)
             if not self._valid(shape):
                 return progress.broken("turned the mesh inside out or left the finite numbers")
         factor = self._rescaling(shape)

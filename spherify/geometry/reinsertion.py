@@ -14,7 +14,7 @@ should part the surface otherwise than around a vertex: what is behind such a na
 
 from __future__ import annotations
 
-from itertools import pairwise, product
+from itertools import pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -214,10 +214,10 @@ class _Removal:
         """Return what it costs to do so, narrow places apart."""
         after, d, q, right, left = self.triangles.after, len(ring), ring[0], ring[1], ring[-1]
         changes = {q: d - 4, right: -1, left: -1} if d > 3 else dict.fromkeys(ring, -1)
-        cost = -((d - REGULAR) ** 2)
+        cost = -_uneven(d)
         for r, more in changes.items():
             degree = len(after[r])
-            cost += (degree + more - REGULAR) ** 2 - (degree - REGULAR) ** 2
+            cost += _uneven(degree + more) - _uneven(degree)
         inward = sum(not self._outward(q, a, b) for a, b in pairwise(ring[1:]))
         return BY_DEGREE * cost + BY_INWARD * inward
 
@@ -231,14 +231,14 @@ class _Removal:
             facial = {before, behind, p, q}
             threes += sum(x not in facial and (x in around_q or x in near) for x in after[r])
         fours = 0
-        others = [z for z in around_q if z not in {p, right, left}]
-        for x, z in product(ring[2:-1], others):
-            if x == z or z in after[x]:
-                continue
-            for y in after[x].keys() & after[z].keys():
-                if y in around_q or y in near or y in {p, q}:
+        others = around_q.keys() - {p, right, left}
+        for x in ring[2:-1]:
+            for y in after[x]:
+                if y in around_q or y in near:
                     continue
-                fours += not any({x, y, z} <= after[side].keys() for side in (left, right))
+                for z in after[y].keys() & others:  # of a hub's many neighbours few
+                    if z not in after[x]:
+                        fours += not any({x, y, z} <= after[side].keys() for side in (left, right))
             if fours >= COUNTED:
                 break
         return min(threes, COUNTED), min(fours, COUNTED)
@@ -256,20 +256,28 @@ def reinserted(V: Floats, F: Ints, centre: Floats) -> Floats | None:
         (n, 3) positions on a sphere about the centre, of the mean radius; all faces look outward from it.
 
     """
-    if len(V) > MOST:
-        return None
     spokes = V - centre
     radius = float(measures.norm(spokes).mean())
-    U = np.ascontiguousarray(measures.normalised(spokes))
-    removal = _Removal(U, F)
-    if not (removal.until_outward() and _covers_once(U, removal)):
-        removal.until_four()
-        _as_tetrahedron(U, removal)
-    if not _put_back(U, removal):
+    if len(V) > MOST or not 0 < radius < np.inf:
         return None
-    if not (_volumes(U, F) > 0).all():
-        return None
-    return np.asfortranarray(centre + radius * U)
+    start = np.ascontiguousarray(measures.normalised(spokes))
+    for keep in (True, False):
+        U, removal = start.copy(), _Removal(start, F)
+        if not (keep and removal.until_outward() and _covers_once(U, removal)):
+            removal.until_four()
+            _as_tetrahedron(U, removal)
+        if _put_back(U, removal) and (_volumes(U, F) > 0).all():
+            return np.asfortranarray(centre + radius * U)
+    return None
+
+
+def _uneven(degree: int) -> int:
+    """Return the square of how many neighbours more or fewer there are; of more than EASY it grows linearly.
+
+    Else all around a hub would cost more with each that is taken out, and no two be taken out in a level.
+    """
+    beyond = degree - EASY
+    return (degree - REGULAR) ** 2 if beyond <= 0 else (EASY - REGULAR) * (EASY - REGULAR + 2 * beyond)
 
 
 def _put_back(U: Floats, removal: _Removal) -> bool:

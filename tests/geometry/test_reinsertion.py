@@ -12,15 +12,18 @@ import pytest
 from spherify.geometry import measures, reinsertion
 from spherify.geometry.covering import covering
 from spherify.geometry.flow import FlowState, StopReason, flow
+from spherify.geometry.kernels import get_engine
+from spherify.geometry.kernels.compiled import CompiledKernel
 from spherify.geometry.kernels.sphere import OnTheSphere
 from spherify.geometry.mesh import TriangleMesh
-from spherify.geometry.methods import curvature
+from spherify.geometry.methods import anew, curvature
 from spherify.geometry.methods.control import Control, Phase
 from spherify.geometry.presets import PRESETS
 from spherify.geometry.reinsertion import _Removal, _Triangulation, reinserted
 from spherify.geometry.samples.solids import icosphere
+from spherify.geometry.topology import Topology
 from spherify.geometry.unfolding import folds
-from tests.geometry.shapes import drum, octahedron, tetrahedron
+from tests.geometry.shapes import drum, octahedron, sample, tetrahedron
 from tests.geometry.test_covering import wound
 
 ROBUST = PRESETS["robust"].config
@@ -54,6 +57,26 @@ def coil(turns: int, rings: int, around: int = 6) -> TriangleMesh:
         faces.append(np.stack([row + here, row + around + there, row + there], axis=1))
         faces.append(np.stack([row + here, row + around + here, row + around + there], axis=1))
     F = np.concatenate(faces)
+    return TriangleMesh.checked(V, F if measures.volume(V, F, np.zeros(3)) > 0 else F[:, ::-1])
+
+
+def vessel(around: int, rings: int, depth: float = 5.0, wall: float = 0.12) -> TriangleMesh:
+    """A deep tube with a wall, closed at one end, round about the z axis."""
+    arc, straight = np.linspace(0, np.pi / 2, 8)[1:], np.linspace(0, depth, rings)[1:]
+    outer = [*((np.sin(a), -np.cos(a)) for a in arc), *((1.0, z) for z in straight)]
+    inner = [((1 - wall) * r, (1 - wall) * z if z < 0 else z) for r, z in reversed(outer)]
+    profile = np.array(outer + inner)
+    turn = 2 * np.pi * np.arange(around) / around
+    r, z = profile[:, 0, None], np.broadcast_to(profile[:, 1, None], (len(profile), around))
+    tube = np.stack([r * np.cos(turn), r * np.sin(turn), z], axis=2).reshape(-1, 3)
+    here = np.arange(around)
+    there, last, n = (here + 1) % around, (len(profile) - 1) * around, len(tube)
+    faces = [np.stack([np.full(around, n), there, here], axis=1)]
+    faces.append(np.stack([np.full(around, n + 1), last + here, last + there], axis=1))
+    for row in range(0, last, around):
+        faces.append(np.stack([row + here, row + there, row + around + there], axis=1))
+        faces.append(np.stack([row + here, row + around + there, row + around + here], axis=1))
+    V, F = np.vstack([tube, [[0, 0, -1.0], [0, 0, wall - 1]]]), np.concatenate(faces)
     return TriangleMesh.checked(V, F if measures.volume(V, F, np.zeros(3)) > 0 else F[:, ::-1])
 
 
@@ -149,12 +172,12 @@ def test_a_coil_that_nothing_unwinds_ends_as_a_sphere(monkeypatch):
     assert last.metrics().inward_faces == 0
     assert areas.min() > 1e-6 * areas.mean()
     assert last.sphericity > 0.97
-    monkeypatch.setattr(curvature, "reinserted", lambda *_: None)
+    monkeypatch.setattr(anew, "reinserted", lambda *_: None)
     *_, tangle = flow(coil(4, 80), BRIEFLY, engine="compiled")
     assert tangle.metrics().inward_faces > 100
 
 
-def anew(states) -> int:
+def first_anew(states) -> int:
     """Return the first state of those whose directions were set anew."""
     controls = [Control(*state.checkpoint()["control"]) for state in states]
     pairs = pairwise(controls)
@@ -166,7 +189,7 @@ def anew(states) -> int:
 
 
 def test_that_resumes_bit_by_bit():
-    begun = anew(run())
+    begun = first_anew(run())
     for start in range(begun - 3, begun + 2):
         resumed = islice(flow(coil(4, 80), BRIEFLY, engine="compiled", resume=run()[start].checkpoint()), 10)
         for state, expected in zip(resumed, run()[start + 1 : start + 11], strict=True):
@@ -176,7 +199,7 @@ def test_that_resumes_bit_by_bit():
 def test_folds_are_not_waited_for_without_end(monkeypatch):
     monkeypatch.setattr(curvature, "LONG_FOLDED", 80)
     states = list(flow(wound(1.5, 10, 80), BRIEFLY, engine="compiled"))
-    assert anew(states) == 81
+    assert first_anew(states) == 81
     assert states[-1].metrics().inward_faces == 0
 
 
@@ -190,6 +213,61 @@ def test_what_gets_no_better_on_the_sphere_does_not_end_folded_if_it_need_not(mo
     assert (last.stop_reason == StopReason.STALLED) == (most == 0)
     assert (last.metrics().inward_faces == 0) == (most > 0)
     assert most or "on the sphere" in last.stop_detail
+
+
+def test_what_a_step_of_t_would_break_goes_on_from_its_best_state(monkeypatch):
+    """The inner wall slides out through the bottom."""
+    mesh = vessel(20, 40)
+    *_, last = flow(mesh, ROBUST, engine="compiled")
+    areas = measures.face_areas(last.vertices, mesh.faces)
+    assert last.stop_reason in {StopReason.STALLED, StopReason.CONVERGED}
+    assert last.metrics().inward_faces == 0
+    assert areas.min() > 1e-6 * areas.mean()
+    assert last.sphericity >= 0.995
+    monkeypatch.setattr(anew, "reinserted", lambda *_: None)
+    *_, broken = flow(mesh, ROBUST, engine="compiled")
+    assert broken.stop_reason == StopReason.COLLAPSED
+
+
+def test_what_a_step_along_the_radii_would_break_is_finished(monkeypatch):
+    transformed = CompiledKernel.transform_radially
+    mesh = sample("quadruped", 600)
+    monkeypatch.setattr(
+        CompiledKernel, "transform_radially", lambda self, V, *rest: transformed(self, V, *rest) * -1
+    )
+    states = list(flow(mesh, ROBUST, engine="compiled"))
+    phases = [Control(*state.checkpoint()["control"]).phase for state in states]
+    assert states[-1].stop_reason == StopReason.STALLED
+    assert phases[-1] == Phase.FINISH
+    assert states[-1].metrics().inward_faces == 0
+
+
+def test_around_a_hub_many_are_taken_out_at_once():
+    mesh = drum(300, 1)
+    removal = _Removal(measures.normalised(tangled(mesh) - CENTRE), mesh.faces)
+    removal.until_four()
+    assert len(removal.levels) < 40
+
+
+def test_a_run_ends_about_the_centroid_as_far_as_all_look_outward_from_there():
+    ball = icosphere(4)
+    kernel = get_engine("compiled").prepare(Topology.of(len(ball.vertices), ball.faces), ROBUST)
+    far = np.array([3.0, 0, 0])
+    assert (anew.nearer(kernel, ball.vertices, CENTRE, np.zeros(3)) == 0).all()
+    assert anew.nearer(kernel, ball.vertices, np.zeros(3), far) == pytest.approx(far / 4)
+    assert (anew.nearer(kernel, ball.vertices, np.zeros(3), 100 * far) == 0).all()
+
+
+@pytest.mark.parametrize("bad", [0.0, np.nan, np.inf])
+def test_what_has_no_directions_is_left_alone(bad):
+    ball = icosphere(3)
+    V = (
+        ball.vertices * bad
+        if bad == 0
+        else np.where(np.arange(len(ball.vertices))[:, None] == 5, bad, ball.vertices)
+    )
+    with np.errstate(invalid="ignore"):
+        assert reinserted(V, ball.faces, np.zeros(3)) is None
 
 
 @pytest.mark.parametrize("how", [(1, 1e-9), (0, np.nan)], ids=["turned", "no-number"])

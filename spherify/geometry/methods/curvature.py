@@ -14,6 +14,7 @@ schemes", 2015.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from functools import cached_property
 from typing import Final
 
@@ -25,6 +26,7 @@ from spherify.geometry.covering import on_a_sphere
 from spherify.geometry.finish import finished, steps_of
 from spherify.geometry.kernels import Engine, Kernel
 from spherify.geometry.mesh import Floats
+from spherify.geometry.methods.anew import nearer, set_anew
 from spherify.geometry.methods.control import (
     GIVEN_UP,
     LOOKED_EVERY,
@@ -40,10 +42,10 @@ from spherify.geometry.methods.control import (
     Phase,
     round_enough,
 )
-from spherify.geometry.methods.interface import Standstill, Step
+from spherify.geometry.methods.interface import Breakdown, Standstill, Step
 from spherify.geometry.metrics import Figures
 from spherify.geometry.progress import Layout, Memory, Progress
-from spherify.geometry.reinsertion import MOST, reinserted
+from spherify.geometry.reinsertion import MOST
 from spherify.geometry.roundness import ALL, Shape, Wanted
 from spherify.geometry.schedule import stage_at
 from spherify.geometry.topology import Topology
@@ -184,7 +186,7 @@ class CurvatureTransformation:
                 self._decided = progress, self._anew(progress, control)
                 return self.advance(progress)
             if control.spreads and (found.inward or not found.least_area > 0):
-                anew = self._reinserted(here, centre, control)  # rounding cannot tell triangles apart
+                anew = self._reinserted([here], centre, control)  # rounding cannot tell triangles apart
                 if anew is not None:
                     self._decided = progress, anew
                     return self.advance(progress)
@@ -206,6 +208,21 @@ class CurvatureTransformation:
                 measured=self._wanted,
             )  # fmt: skip
         return Standstill(STANDSTILL) if moved is None else moved
+
+    def rescued(self, progress: Progress) -> Floats | None:
+        """See `Method.rescued`: what looks outward is finished, else directions are set anew from the best state on."""
+        control, here, centre = self._next(progress)
+        if self._unfolding is None or control.given_up or control.phase == Phase.FINISH:
+            return None
+        if control.phase == Phase.STAR:
+            found: Next | None = Next(control.as_finish(progress.shape), here, centre)
+        else:
+            found = self._reinserted([progress.best_position], progress.best_shape.centroid, control)
+        if found is None:
+            return None
+        self._decided = progress, found
+        moved = self.advance(progress)
+        return None if isinstance(moved, Standstill | Breakdown) else moved
 
     def remember(self, progress: Progress, shape: Shape, factor: float) -> Memory:
         """See `Method.remember`: momentum, annealing and the part on the sphere brought up to date.
@@ -279,14 +296,19 @@ class CurvatureTransformation:
                 return self._about_another_point(here, centre, control) or Next(control, here, centre)
         elif control.phase == Phase.SPHERE and control.inward:
             return self._while_folded(progress, control, looked=looked)
-        elif control.phase == Phase.SPHERE and self._no_better(control):  # small triangles, that make no room
+        else:
+            return self._while_outward(progress, control, looked=looked)
+        return Next(control, here, centre)
+
+    def _while_outward(self, progress: Progress, control: Control, *, looked: bool) -> Next:
+        """Return what the next iteration begins with once no face looks inward from the centre."""
+        here, centre = progress.position, progress.memory["centre"]
+        if control.phase == Phase.FINISH or (control.phase == Phase.STAR and looked):
+            centre = nearer(self._kernel, here, centre, progress.shape.centroid)
+        if control.phase == Phase.SPHERE and self._no_better(control):  # small triangles, that make no room
             control = control.as_star(progress.shape)
-        elif control.phase == Phase.STAR:
-            if looked:
-                inward = self._kernel.figures(here, progress.shape.centroid).inward_faces
-                centre = centre if inward else progress.shape.centroid
-            if self._short(progress) and self._annealed_down(control):
-                control = control.as_finish(progress.shape)
+        elif self._short(progress) and self._annealed_down(control):
+            control = control.as_finish(progress.shape)
         return Next(control, here, centre)
 
     def _while_folded(self, progress: Progress, control: Control, *, looked: bool) -> Next:
@@ -297,7 +319,7 @@ class CurvatureTransformation:
         if lost or self._no_better(control):
             return self._anew(progress, control)
         if progress.iteration % LONG_FOLDED == 0:
-            return self._reinserted(here, centre, control) or Next(control, here, centre)
+            return self._reinserted([here], centre, control) or Next(control, here, centre)
         return Next(control, here, centre)
 
     def _onto_the_sphere(self, progress: Progress, control: Control, here: Floats) -> Next:
@@ -331,24 +353,20 @@ class CurvatureTransformation:
         patience = np.inf if annealing is None else max(PATIENCES * annealing.patience, WAITED)
         return control.phase == Phase.SPHERE and control.waited >= patience
 
-    def _astray(self, V: Floats, centre: Floats) -> tuple[bool, int]:
-        """Return whether directions cover the sphere otherwise than once, and how many faces look inward."""
-        return self._kernel.covering(V, centre).degree != 1, self._kernel.folds(V, centre)[0]
-
     def _anew_yet(self, control: Control) -> bool:
         """Whether directions may be set anew: that is not too much, and was not done often already."""
         return control.times <= OFTEN and self._n <= MOST
 
-    def _reinserted(self, V: Floats, centre: Floats, control: Control) -> Next | None:
-        """Go on from V (n, 3) with directions set anew, if they can be."""
-        here = reinserted(V, self._faces, centre) if self._anew_yet(control) else None
+    def _reinserted(self, starts: Iterable[Floats], centre: Floats, control: Control) -> Next | None:
+        """Go on from one of these, (n, 3) each, with directions set anew, if they can be."""
+        here = set_anew(self._kernel, self._faces, starts, centre) if self._anew_yet(control) else None
         return None if here is None else Next(self._begun(here, centre, control), here, centre)
 
     def _given_up(self, progress: Progress, control: Control) -> Next:
         """Set directions anew; or go back to the refuge, and on along the normals: nothing else leads further."""
         centre = progress.memory["centre"]
-        here = min(progress.position, self._refuge(progress), key=lambda V: self._astray(V, centre))
-        anew = self._reinserted(here, centre, control)
+        starts = (progress.position, self._refuge(progress), progress.best_position)
+        anew = self._reinserted(starts, centre, control)
         if anew is not None:
             return anew
         annealing = self._config.annealing

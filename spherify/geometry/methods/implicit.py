@@ -107,6 +107,9 @@ class ImplicitFlow:
             return {"waiting": np.array([shape.sphericity, 0.0])}
         return {"waiting": np.array([plateau, waited + 1])}
 
+    def rescued(self, progress: Progress) -> None:
+        """See `Method.rescued`."""
+
     def advance(self, progress: Progress) -> Step:
         """See `Method.advance`; what is drawn out, or pinches under ``mean-curvature``, is a `Breakdown`."""
         V, topology = progress.position, self._topology

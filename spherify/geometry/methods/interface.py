@@ -95,6 +95,10 @@ class Method(Protocol):
         """Return positions (n, 3) one iteration later, a new array; not necessarily finite, nor a valid surface."""
         ...
 
+    def rescued(self, progress: Progress) -> Floats | None:
+        """Return what is better than what `advance` returned, which was no valid surface; None if nothing is."""
+        ...
+
     def remember(self, progress: Progress, shape: Shape, factor: float) -> Memory:
         """Return what is remembered once ``progress`` was left for a valid state of this shape.
 
