@@ -10,7 +10,7 @@ import pytest
 from spherify.geometry import measures
 from spherify.geometry.finish import FEWEST, LOWER, STEPS, WORK, _energy, finished, steps_of
 from spherify.geometry.flow import FlowState, StopReason, flow
-from spherify.geometry.methods import curvature
+from spherify.geometry.methods import control
 from spherify.geometry.methods.control import SHORT, Control, Phase
 from spherify.geometry.presets import PRESETS
 from spherify.geometry.quality import inward_faces
@@ -92,7 +92,7 @@ def test_a_coarse_coil_becomes_a_true_sphere():
 
 
 def test_it_was_needed(monkeypatch):
-    monkeypatch.setattr(curvature, "SHORT", 0.0)
+    monkeypatch.setattr(control, "SHORT", 0.0)
     *_, last = flow(wound(*COIL), ROBUST, engine="compiled")
     assert last.sphericity < SHORT
 

@@ -16,7 +16,7 @@ from spherify.geometry.kernels import get_engine
 from spherify.geometry.kernels.compiled import CompiledKernel
 from spherify.geometry.kernels.sphere import OnTheSphere
 from spherify.geometry.mesh import TriangleMesh
-from spherify.geometry.methods import anew, curvature
+from spherify.geometry.methods import anew, control, curvature
 from spherify.geometry.methods.control import Control, Phase
 from spherify.geometry.presets import PRESETS
 from spherify.geometry.reinsertion import _Removal, _Triangulation, reinserted
@@ -205,8 +205,8 @@ def test_folds_are_not_waited_for_without_end(monkeypatch):
 
 @pytest.mark.parametrize("most", [reinsertion.MOST, 0])
 def test_what_gets_no_better_on_the_sphere_does_not_end_folded_if_it_need_not(monkeypatch, most):
-    monkeypatch.setattr(curvature, "PATIENCES", 0)
-    monkeypatch.setattr(curvature, "WAITED", 0)
+    monkeypatch.setattr(control, "PATIENCES", 0)
+    monkeypatch.setattr(control, "WAITED", 0)
     monkeypatch.setattr(curvature, "LEAST_ROUNDS", ROBUST.unfolding.rounds)
     monkeypatch.setattr(curvature, "MOST", most)
     *_, last = flow(wound(1.5, 10, 80), BRIEFLY, engine="compiled")

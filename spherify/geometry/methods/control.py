@@ -10,8 +10,9 @@ centroid to see directions from, if from there they cover the sphere otherwise t
 change that. Where the covering is lost on the way, or folds remain, SPHERE begins anew from what it began with, more
 carefully each time. Where that does not do, takes too long, or leaves triangles that rounding cannot tell apart, or
 where no such point is found, it goes on with directions that are set anew, as it does with the best state where a step
-breaks the surface; and back to NORMALS, to the end, if they cannot be. A surface that has become round ends in NORMALS, SMOOTHING or STAR; in SPHERE ends only what gets no better
-there, and in FINISH what so few or so uneven triangles are that the others left it short of Ψ 0.995.
+breaks the surface; and back to NORMALS, to the end, if they cannot be. A surface that has become round ends in NORMALS,
+SMOOTHING or STAR; in SPHERE ends only what gets no better there, and in FINISH what so few or so uneven triangles are
+that the others left it short of Ψ 0.995.
 """
 
 from __future__ import annotations
@@ -41,6 +42,7 @@ VANISHING: Final = 3e-6  # triangles of less than this share of the mean area ar
 SETTLED: Final = 5e-3  # radius variation below which T takes over from the evening out of radii
 WAITED: Final = 50  # iterations, after which it does in any case
 GIVEN_UP: Final = np.inf  # no sphericity exceeds it: nothing is waited for any more
+PATIENCES: Final = 4  # of the annealing, that something may take on the sphere to get better
 SHORT: Final = 0.995  # sphericity below which what gets no rounder by T and the climb is finished
 RISE: Final = 5e-6  # of the sphericity in STEPS, for another iteration of that
 CAREFUL: Final = 0.1  # of the step, that T along the radii begins with; longer ones make it rough again
@@ -154,6 +156,21 @@ class Control(NamedTuple):
                 if over or low:  # as round as T along the normals makes it
                     return Control(0.0, annealing, plateau, 0, Phase.FOLDED)
         return self._replace(momentum=momentum, annealing=annealing, plateau=plateau, waited=waited)
+
+    def annealed_down(self, config: FlowConfig) -> bool:
+        """Whether the step has become too small to go on."""
+        annealing = config.annealing
+        return annealing is not None and config.step * self.annealing < annealing.min_step
+
+    def short(self, shape: Shape) -> bool:
+        """Whether a run that goes along the radii has not become round enough to end with that."""
+        return self.phase == Phase.STAR and shape.sphericity < SHORT
+
+    def no_better(self, config: FlowConfig) -> bool:
+        """Whether the part on the sphere has waited for anything to get better as long as it may."""
+        annealing = config.annealing
+        patience = np.inf if annealing is None else max(PATIENCES * annealing.patience, WAITED)
+        return self.phase == Phase.SPHERE and self.waited >= patience
 
     def as_star(self, shape: Shape) -> Control:
         """Return it as STAR begins."""

@@ -33,7 +33,6 @@ from spherify.geometry.methods.control import (
     NO_ROUNDER,
     OF_UNIT,
     PLATEAU_RISE,
-    SHORT,
     STANDSTILL,
     STILL_WOUND,
     WAITED,
@@ -54,7 +53,6 @@ from spherify.geometry.unfolding import Unfolded
 ROUND: Final = 0.999  # sphericity from which on equal radii soon end a run; a lower one may still rise
 TURNED: Final = 0.1  # share of the sphere that inward faces may cover; more are no folds but a cavity
 FALLEN: Final = 0.01  # of the sphericity; by less it goes to and fro while it rises
-PATIENCES: Final = 4  # of the annealing, that something may take on the sphere to get better
 LONG_FOLDED: Final = 2000  # iterations, after as many of which folds are no longer waited for
 OFTEN: Final = 4  # times that the part on the sphere has begun, after which directions are no more set anew
 LEAST_ROUNDS: Final = 2  # of unfolding after an iteration, however often it began anew
@@ -160,14 +158,14 @@ class CurvatureTransformation:
         if control.given_up:
             return STILL_WOUND if control.waited >= LOOKED_EVERY else None
         lasting = control.inward > 0 and not self._anew_yet(control)
-        if lasting and self._no_better(control) and not self._once_more(control):
+        if lasting and control.no_better(self._config) and not self._once_more(control):
             return (
                 f"neither the radius variation, now {progress.shape.radius_variation:.2e}, nor the number of faces "
                 f"that look inward, at best {control.fewest:.0f}, fell in {control.waited:.0f} iterations on the sphere"
             )
         if control.phase == Phase.FINISH:
             return NO_ROUNDER if control.waited else None
-        if not self._annealed_down(control) or self._short(progress):
+        if not control.annealed_down(self._config) or control.short(progress.shape):
             return None
         return (
             f"the best sphericity {progress.best_shape.sphericity:.6f} did not rise by {PLATEAU_RISE:g} while the "
@@ -248,15 +246,6 @@ class CurvatureTransformation:
             "log_weights": weights,
         }
 
-    def _annealed_down(self, control: Control) -> bool:
-        """Whether the step has become too small to go on."""
-        annealing = self._config.annealing
-        return annealing is not None and self._config.step * control.annealing < annealing.min_step
-
-    def _short(self, progress: Progress) -> bool:
-        """Whether a run that goes along the radii has not become round enough to end with that."""
-        return self._control(progress).phase == Phase.STAR and progress.shape.sphericity < SHORT
-
     def _control(self, progress: Progress) -> Control:
         """Return the control of a state, read once."""
         if self._read is None or self._read[0] is not progress.memory:
@@ -305,9 +294,11 @@ class CurvatureTransformation:
         here, centre = progress.position, progress.memory["centre"]
         if control.phase == Phase.FINISH or (control.phase == Phase.STAR and looked):
             centre = nearer(self._kernel, here, centre, progress.shape.centroid)
-        if control.phase == Phase.SPHERE and self._no_better(control):  # small triangles, that make no room
+        if control.phase == Phase.SPHERE and control.no_better(
+            self._config
+        ):  # small triangles, that make no room
             control = control.as_star(progress.shape)
-        elif self._short(progress) and self._annealed_down(control):
+        elif control.short(progress.shape) and control.annealed_down(self._config):
             control = control.as_finish(progress.shape)
         return Next(control, here, centre)
 
@@ -316,7 +307,7 @@ class CurvatureTransformation:
         here, centre = progress.position, progress.memory["centre"]
         # What moves far may pass the centre.
         lost = looked and self._kernel.covering(here, centre).degree != 1
-        if lost or self._no_better(control):
+        if lost or control.no_better(self._config):
             return self._anew(progress, control)
         if progress.iteration % LONG_FOLDED == 0:
             return self._reinserted([here], centre, control) or Next(control, here, centre)
@@ -346,12 +337,6 @@ class CurvatureTransformation:
     def _once_more(self, control: Control) -> bool:
         """Whether folds may be tried to undo once more, with half as many rounds."""
         return control.inward > 0 and self._rounds * control.rounds / 2 >= LEAST_ROUNDS
-
-    def _no_better(self, control: Control) -> bool:
-        """Whether the part on the sphere has waited for anything to get better as long as it may."""
-        annealing = self._config.annealing
-        patience = np.inf if annealing is None else max(PATIENCES * annealing.patience, WAITED)
-        return control.phase == Phase.SPHERE and control.waited >= patience
 
     def _anew_yet(self, control: Control) -> bool:
         """Whether directions may be set anew: that is not too much, and was not done often already."""
