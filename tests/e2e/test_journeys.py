@@ -92,7 +92,7 @@ def test_a_snapshot_can_be_had_before_the_job_is_done_and_the_job_be_cancelled(
     job_id = api.submit(path, **endless)["id"]
     wait_for(lambda: 3 in api.job(job_id)["snapshots"]["available"], what="the third iteration")
     saved = api.download(job_id, "3.obj", tmp_path)
-    early = api.http.get(f"/v1/jobs/{job_id}/snapshots/100000.obj")
+    early = api.http.get(f"/v1/jobs/{job_id}/snapshots/1000000.obj")
     assert api.job(job_id)["status"] == "running"
     assert early.status_code == 404
     assert early.json()["type"] == "/problems/result-not-ready"
