@@ -209,10 +209,14 @@ def test_what_gets_no_better_on_the_sphere_does_not_end_folded_if_it_need_not(mo
     monkeypatch.setattr(control, "WAITED", 0)
     monkeypatch.setattr(curvature, "LEAST_ROUNDS", ROBUST.unfolding.rounds)
     monkeypatch.setattr(curvature, "MOST", most)
-    *_, last = flow(wound(1.5, 10, 80), BRIEFLY, engine="compiled")
+    *states, last = flow(wound(1.5, 10, 80), BRIEFLY, engine="compiled")
     assert (last.stop_reason == StopReason.STALLED) == (most == 0)
     assert (last.metrics().inward_faces == 0) == (most > 0)
     assert most or "on the sphere" in last.stop_detail
+    if most:  # and what its directions go on from are not those of before
+        kept = [state.checkpoint() for state in states]
+        star = [Control(*one["control"]).phase for one in kept].index(Phase.STAR)
+        assert (kept[star]["previous"] == kept[star - 1]["position"]).all()
 
 
 def test_what_a_step_of_t_would_break_goes_on_from_its_best_state(monkeypatch):

@@ -227,7 +227,7 @@ class CurvatureTransformation:
 
         On the sphere, which has no momentum, ``previous`` stays what to go back to.
         """
-        control, _, before = self._next(progress)
+        control, here, before = self._next(progress)
         weights, centre = progress.memory["log_weights"], shape.centroid
         if control.phase in {Phase.SPHERE, Phase.STAR, Phase.FINISH}:  # a centre that drifts makes folds
             centre = shape.centroid + factor * (before - shape.centroid)
@@ -240,7 +240,7 @@ class CurvatureTransformation:
             if control.inward:
                 weights = self._folds.log_weights
         return {
-            "previous": self._refuge(progress),
+            "previous": here if control.phase in {Phase.STAR, Phase.FINISH} else self._refuge(progress),
             "control": np.array(after),
             "centre": centre,
             "log_weights": weights,
