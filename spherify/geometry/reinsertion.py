@@ -25,7 +25,7 @@ from spherify.geometry.covering import covering
 from spherify.geometry.finish import finished
 from spherify.geometry.mesh import Floats, Ints
 
-MOST: Final = 10_000  # vertices: of as many all is done in some ten seconds, in which a run hears nothing
+MOST: Final = 10_000  # vertices: as many take some ten seconds, more around hubs; a run hears nothing then
 LEAST: Final = 1e-5  # of the mean volume between a triangle of directions and the centre, for it to stay
 SHARE: Final = 0.3  # of the vertices, that are taken out in a level at most
 EASY: Final = 12  # neighbours, of a vertex that is taken out before those with more
