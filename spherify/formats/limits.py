@@ -16,7 +16,8 @@ class ReadLimits:
     Attributes:
         max_vertices: vertices in the file.
         max_faces: triangles, polygons counted as the triangles they fall into.
-        max_primitives: drawing primitives of a GLB, or placed objects of a 3MF.
+        max_primitives: drawing primitives of a GLB, points and lines counted too, or placed objects of a 3MF.
+        max_nodes: nodes in the tree of a GLB's scene, whether or not they draw anything.
         max_unpacked_bytes: of the parts of a 3MF, counted while unpacking.
         seconds: wall clock of the reading process for an empty file.
         seconds_per_mib: added for each MiB of the file.
@@ -28,6 +29,7 @@ class ReadLimits:
     max_vertices: int = 2_000_000
     max_faces: int = 4_000_000
     max_primitives: int = 4_096
+    max_nodes: int = 65_536
     max_unpacked_bytes: int = 512 * MIB
     seconds: float = 7.0
     seconds_per_mib: float = 1.0

@@ -33,6 +33,8 @@ MODEL_HEAD = (
     b'<object id="1"><mesh><vertices>'
 )
 VERTEX = b'<vertex x="0" y="0" z="0"/>'
+COMPONENTS_HEAD = MODEL_HEAD.replace(b"<mesh><vertices>", b"<components>")
+COMPONENT = b'<component objectid="1" transform="1 0 0 0 1 0 0 0 1 0 0 0"/>'
 
 
 def glb(description: dict[str, Any], binary: bytes = b"") -> bytes:
@@ -75,6 +77,23 @@ def glb_of_primitives(number: int) -> bytes:
         },
         struct.pack("<9f", 0, 0, 0, 1, 0, 0, 0, 1, 0),
     )
+
+
+def glb_of_nodes(number: int) -> bytes:
+    """Return a GLB of one triangle at the end of a chain of very many nodes that hold nothing."""
+    return glb(
+        {
+            "scenes": [{"nodes": [0]}],
+            "nodes": [*({"children": [n]} for n in range(1, number)), {"mesh": 0}],
+            "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+            "accessors": [{"componentType": 5126, "count": 3, "type": "VEC3"}],
+        }
+    )
+
+
+def glb_of_points(nodes: int, primitives: int) -> bytes:
+    """Return a GLB whose many nodes all show one mesh of many points."""
+    return glb({"nodes": [{"mesh": 0}] * nodes, "meshes": [{"primitives": [{"mode": 0}] * primitives}]})
 
 
 def glb_sharing(number: int, count: int) -> bytes:

@@ -13,11 +13,15 @@ from tests.formats import hostile
 
 GIB = 1 << 30
 VERTICES = hostile.zip_bomb(hostile.MODEL_HEAD, hostile.VERTEX, 1024)
+COMPONENTS = hostile.zip_bomb(hostile.COMPONENTS_HEAD, hostile.COMPONENT, 400)
 BLANKS = hostile.zip_bomb(hostile.MODEL_HEAD, b" ", 1024)
 # Name, content, code, and words of the sentence: none where on a busy machine the clock may be the first to strike.
 FILES = {
     "3mf-vertices.3mf": (VERTICES, "mesh-too-large", ""),
     "3mf-blanks.3mf": (BLANKS, "mesh-too-large", ""),
+    "3mf-components.3mf": (COMPONENTS, "mesh-too-large", "places more than 4,096 parts"),
+    "glb-nodes.glb": (hostile.glb_of_nodes(100_000), "mesh-too-large", "more than 65,536 nodes"),
+    "glb-points.glb": (hostile.glb_of_points(30_000, 30_000), "mesh-too-large", "more than 4,096 parts"),
     "glb-5e7.glb": (hostile.glb_claiming(50_000_000), "mesh-too-large", "counts 50,000,000 items"),
     "glb-2e8.glb": (hostile.glb_claiming(200_000_000), "mesh-too-large", "counts 200,000,000 items"),
     "glb-primitives.glb": (hostile.glb_of_primitives(50_000), "mesh-too-large", "more than 4,096 parts"),

@@ -12,7 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from spherify.formats.errors import FormatError, UnreadableError
+from spherify.formats.errors import FormatError, TooLargeError, UnreadableError
 from spherify.formats.limits import ReadLimits
 from spherify.formats.raw import RawMesh
 from spherify.formats.readers.gltf_accessors import Accessors, item, matrix
@@ -74,26 +74,39 @@ def _scene(description: Mapping[str, Any], accessors: Accessors, limits: ReadLim
     if compressed:
         raise UnreadableError(f"The GLB is compressed with {min(compressed)}. Export it without compression.")
     scene = Scene(limits)
-    for node, place in _nodes(description):
-        if "mesh" not in node:
-            continue
-        mesh = item(description.get("meshes"), node["mesh"], "mesh")
-        for primitive in mesh["primitives"]:
-            faces_of = _FACES.get(primitive.get("mode", _TRIANGLES))
-            if faces_of is None:
-                continue  # points and lines
-            vertices = accessors.read(primitive["attributes"]["POSITION"], "VEC3", limits.max_vertices)
-            if "indices" in primitive:
-                corners = accessors.read(primitive["indices"], "SCALAR", 3 * limits.max_faces)[:, 0].astype(
-                    np.int64
-                )
-            else:
-                corners = np.arange(len(vertices), dtype=np.int64)
-            scene.place(vertices.astype(np.float64), faces_of(corners), place)
+    for primitive, place in _primitives(description, limits):
+        faces_of = _FACES.get(primitive.get("mode", _TRIANGLES))
+        if faces_of is None:
+            continue  # points and lines
+        vertices = accessors.read(primitive["attributes"]["POSITION"], "VEC3", limits.max_vertices)
+        if "indices" in primitive:
+            corners = accessors.read(primitive["indices"], "SCALAR", 3 * limits.max_faces)[:, 0].astype(
+                np.int64
+            )
+        else:
+            corners = np.arange(len(vertices), dtype=np.int64)
+        scene.place(vertices.astype(np.float64), faces_of(corners), place)
     return scene.mesh()
 
 
-def _nodes(description: Mapping[str, Any]) -> Iterator[tuple[Mapping[str, Any], Floats]]:
+def _primitives(
+    description: Mapping[str, Any], limits: ReadLimits
+) -> Iterator[tuple[Mapping[str, Any], Floats]]:
+    """Yield what the scene draws, each with its matrix; counted here, since many nodes may name one mesh of many."""
+    drawn = 0
+    for node, place in _nodes(description, limits):
+        if "mesh" not in node:
+            continue
+        for primitive in item(description.get("meshes"), node["mesh"], "mesh")["primitives"]:
+            drawn += 1
+            if drawn > limits.max_primitives:
+                raise TooLargeError(
+                    f"The GLB draws more than {limits.max_primitives:,} parts. Join them into one body first."
+                )
+            yield primitive, place
+
+
+def _nodes(description: Mapping[str, Any], limits: ReadLimits) -> Iterator[tuple[Mapping[str, Any], Floats]]:
     """Yield the nodes of the scene shown, each with its matrix; every node at most once, as the tree has it."""
     nodes = description.get("nodes", [])
     if description.get("scenes"):
@@ -108,6 +121,10 @@ def _nodes(description: Mapping[str, Any]) -> Iterator[tuple[Mapping[str, Any], 
         if index in seen:
             raise UnreadableError(f"Node {index} of the GLB hangs in two places. Export the mesh again.")
         seen.add(index)
+        if len(seen) > limits.max_nodes:  # each costs a product of matrices
+            raise TooLargeError(
+                f"The scene of the GLB has more than {limits.max_nodes:,} nodes. Join its parts into one body first."
+            )
         node = item(nodes, index, "node")
         own = matrix(node)
         place = own if above is IDENTITY else above @ own

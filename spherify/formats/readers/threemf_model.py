@@ -10,7 +10,7 @@ from xml.parsers import expat
 
 import numpy as np
 
-from spherify.formats.errors import UnreadableError
+from spherify.formats.errors import TooLargeError, UnreadableError
 from spherify.formats.limits import ReadLimits
 from spherify.formats.raw import check_counts
 from spherify.formats.readers.placed import IDENTITY
@@ -57,6 +57,7 @@ class Model:
         self._limits = limits
         self._n_vertices = 0
         self._n_triangles = 0
+        self._n_references = 0
         self._handlers: dict[str, Callable[[Attributes], None]] = {
             "object": self._object,
             "component": self._component,
@@ -95,10 +96,18 @@ class Model:
         self._enter(body)
 
     def _component(self, attributes: Attributes) -> None:
-        self._current.components.append(_reference(attributes))
+        self._current.components.append(self._reference(attributes))
 
     def _item(self, attributes: Attributes) -> None:
-        self.items.append(_reference(attributes))
+        self.items.append(self._reference(attributes))
+
+    def _reference(self, attributes: Attributes) -> Reference:
+        self._n_references += 1
+        if self._n_references > self._limits.max_primitives:  # a ZIP of a few kB holds millions
+            raise TooLargeError(
+                f"The 3MF places more than {self._limits.max_primitives:,} parts. Join them into one body first."
+            )
+        return _reference(attributes)
 
 
 def _reference(attributes: Attributes) -> Reference:
