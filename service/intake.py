@@ -13,8 +13,10 @@ from typing import TYPE_CHECKING, Final
 from anyio import CapacityLimiter, to_thread
 
 from service.problems import ProblemError
-from spherify.formats import ReadLimits, read_mesh
+from spherify.formats import MeshRefusedError, ReadLimits, read_mesh
+from spherify.formats.errors import UnreadableError
 from spherify.formats.names import safe_name
+from spherify.formats.sniff import check_name
 from spherify.jobs import layout
 from spherify.jobs.codec import dump_record, load_mesh_record
 from spherify.jobs.errors import (
@@ -67,6 +69,7 @@ class Intake:
         """
         known = await to_thread.run_sync(self._known, mesh_id(upload.sha256, allow))
         if known is not None:
+            _check_name(upload.name, known)
             return known, False
         if self._readings.statistics().tasks_waiting >= WAITING:
             raise ProblemError("rate-limited", f"{WAITING} meshes wait to be read already")
@@ -141,6 +144,14 @@ class Intake:
                     return kept
             self._blobs.delete(key)
         raise StoreUnavailableError("this mesh was written or deleted at the same moment: send it again")
+
+
+def _check_name(name: str, known: MeshRecord) -> None:
+    """Hold a name against bytes that were read before, as a first reading would; raises `MeshRefusedError`."""
+    try:
+        check_name(name, known.format)
+    except UnreadableError as e:
+        raise MeshRefusedError(e.code, str(e)) from e
 
 
 def _content(record: MeshRecord) -> tuple[object, ...]:

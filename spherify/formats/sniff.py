@@ -78,13 +78,19 @@ def agreed_format(data: bytes, name: str) -> str:
             f"The content is in no format that is read here: it starts with {_start(data)}. Use one of {_LIST}.",
             "unsupported-mesh-format",
         )
-    if named is not None and named != found:
+    check_name(name, found)
+    return found
+
+
+def check_name(name: str, mesh_format: str) -> None:
+    """Raise `UnreadableError`, ``unsupported-mesh-format``, if a name says another format than the content has."""
+    named = extension(name)
+    if named in FORMATS_IN and named != mesh_format:
         raise UnreadableError(
-            f"The file is named .{named}, but its content is {found.upper()}. Name it .{found}, or export it as "
-            f"{named.upper()}.",
+            f"The file is named .{named}, but its content is {mesh_format.upper()}. Name it .{mesh_format}, or export "
+            f"it as {named.upper()}.",
             "unsupported-mesh-format",
         )
-    return found
 
 
 def _start(data: bytes) -> str:

@@ -48,6 +48,19 @@ def test_the_same_bytes_are_the_same_mesh(client: httpx.Client) -> None:
     assert with_switch.json()["id"] != first.json()["id"]
 
 
+def test_a_name_must_agree_whether_or_not_the_bytes_are_known(client: httpx.Client) -> None:
+    def refusal() -> object:
+        answer = client.put("/v1/meshes", params={"name": "octahedron.PLY"}, content=OCTAHEDRON)
+        return problem(answer, 415, "unsupported-mesh-format")["detail"]
+
+    unknown = refusal()
+    assert unknown == "The file is named .ply, but its content is OBJ. Name it .obj, or export it as PLY."
+    assert upload(client).status_code == 201
+    assert refusal() == unknown
+    for name in ("octahedron.obj", "octahedron", "octahedron.mesh"):
+        assert upload(client, name=name).status_code == 200
+
+
 def test_many_uploads_of_one_mesh_at_once_are_one_mesh(client: httpx.Client, stores: Stores) -> None:
     with ThreadPoolExecutor(6) as pool:
         answers = list(pool.map(lambda _: upload(client), range(6)))
