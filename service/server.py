@@ -23,6 +23,7 @@ from ulid import ULID
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from service.problems import MEDIA_TYPE, ProblemError
+from service.wire import Wire
 
 HEADERS_S: Final = 10.0  # from the first byte of a request, or from the connection, to the end of its headers
 ANSWER_S: Final = 60.0  # a client that takes nothing of its answer for this long does not want it
@@ -38,9 +39,11 @@ class Protocol(H11Protocol):
     headers_s = HEADERS_S
     answer_s = ANSWER_S
     most_connections = 0
+    conn: Wire
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:  # noqa: ANN401 (uvicorn's)
         super().__init__(*args, **kwargs)
+        self.conn = Wire()
         self._headers_due: asyncio.TimerHandle | None = None
         self._answer_due: asyncio.TimerHandle | None = None
         self._app = self.app
@@ -76,9 +79,9 @@ class Protocol(H11Protocol):
         self._cancel("_answer_due")
         super().resume_writing()
 
-    def send_400_response(self, msg: str) -> None:
+    def send_400_response(self, _: str) -> None:
         """Answer what is no HTTP."""
-        self._refuse(ProblemError("malformed-request", f"{msg} This is not HTTP/1.1 as RFC 9112 has it."))
+        self._refuse(self.conn.refusal)
 
     def _answering(self) -> bool:
         return self.cycle is not None and not self.cycle.response_complete

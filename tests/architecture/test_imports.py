@@ -30,7 +30,7 @@ LIBRARIES = {
     "anyio": ("service",),
     "python_multipart": ("service",),
     "uvicorn": ("service.server", "service.__main__"),
-    "h11": ("service.server",),
+    "h11": ("service.server", "service.wire"),
     "httpx": ("spherify.client", "spherify.cli"),
     "typer": ("spherify.cli",),
     "rich": ("spherify.cli",),

@@ -136,3 +136,13 @@ def test_broken_http_is_answered_like_everything_else(url: str, stores: Stores, 
     with connect(url) as connection:
         connection.sendall(text)
         document(connection.recv(65536), 400, "malformed-request")
+
+
+def test_a_request_with_two_lengths_is_refused_with_its_connection(url: str) -> None:
+    """A proxy might take the second request for the first one's body, and let it pass unseen."""
+    hidden = b"GET /healthz HTTP/1.1\r\nHost: x\r\nX: y\r\n\r\n"
+    lengths = b"Content-Length: %d\r\nTransfer-Encoding: chunked\r\n\r\n0\r\n\r\n" % (5 + len(hidden))
+    with connect(url) as connection:
+        connection.sendall(b"POST /v1/jobs HTTP/1.1\r\nHost: x\r\n" + lengths + hidden)
+        found = document(everything(connection), 400, "malformed-request")
+    assert "not both" in str(found["detail"])
