@@ -17,6 +17,7 @@ from starlette.routing import compile_path
 from service.answers import add_handlers
 from service.context import Services, Stores
 from service.description import DESCRIPTION, TAGS, describe
+from service.gate import Gate
 from service.logs import set_up as set_up_logs
 from service.middleware import EXPOSED, REQUEST_ID, Cors, ErrorGuard, RequestContext
 from service.polls import Polls
@@ -29,13 +30,16 @@ from spherify.stores.connect import open_stores
 from spherify.stores.reconciler import ReconcilerThread
 
 
-def create_app(settings: Settings | None = None, stores: Stores | None = None) -> FastAPI:
+def create_app(
+    settings: Settings | None = None, stores: Stores | None = None, *, loopback: str | None = None
+) -> FastAPI:
     """Build the service.
 
     Args:
         settings: read from the environment by default.
         stores: opened as the settings say by default, and then looked after by a reconciler too; they are closed
             when the service stops.
+        loopback: the name under which it listens, if only programs of this machine can reach it.
 
     """
     if settings is None:  # started as a program of its own
@@ -68,7 +72,7 @@ def create_app(settings: Settings | None = None, stores: Stores | None = None) -
         openapi_url=None,
         redirect_slashes=False,
         lifespan=lifespan,
-        middleware=_middleware(settings, services),
+        middleware=_middleware(settings, services, loopback),
     )
     app.state.site = Site()
     app.state.services = services
@@ -80,8 +84,8 @@ def create_app(settings: Settings | None = None, stores: Stores | None = None) -
     return app
 
 
-def _middleware(settings: Settings, services: Services) -> list[Middleware]:
-    """Outermost first: the identifier is on every answer, CORS on every failure but its own."""
+def _middleware(settings: Settings, services: Services, loopback: str | None) -> list[Middleware]:
+    """Outermost first: the identifier is on every answer, CORS on every failure but its own and the gate's."""
     cors = Middleware(
         Cors,
         allow_origins=settings.cors_origins,
@@ -101,7 +105,8 @@ def _middleware(settings: Settings, services: Services) -> list[Middleware]:
     )
     guard = Middleware(ErrorGuard)
     polls = Middleware(Polls, services)
-    return [Middleware(RequestContext), guard, *([cors, guard] if settings.cors_origins else []), polls]
+    gate = Middleware(Gate, settings, loopback)
+    return [Middleware(RequestContext), guard, gate, *([cors, guard] if settings.cors_origins else []), polls]
 
 
 def _methods_at(app: FastAPI) -> Callable[[str], set[str]]:

@@ -66,6 +66,13 @@ PROBLEMS: Final[dict[str, ProblemType]] = {
             "digest is of something else. Send it again; nothing was kept.",
         ),
         ProblemType(
+            "cross-site",
+            403,
+            "Sent by a page of another site",
+            "A page of another origin had a browser send this. Only the service's own pages may, and those of origins "
+            "on its list (`SPHERIFY_CORS_ORIGINS`); programs that are no browsers are not concerned.",
+        ),
+        ProblemType(
             "not-found",
             404,
             "There is nothing here",
@@ -162,6 +169,13 @@ PROBLEMS: Final[dict[str, ProblemType]] = {
             416,
             "Outside the content",
             "The range starts behind the end; `Content-Range` names the length.",
+        ),
+        ProblemType(
+            "unknown-host",
+            421,
+            "Not a name of this service",
+            "`Host` is neither `localhost`, nor an address, nor on the service's list (`SPHERIFY_ALLOWED_HOSTS`): a "
+            "page might have given its own name to this address. The name of a proxy belongs on the list.",
         ),
         ProblemType(
             "invalid-parameters",

@@ -54,6 +54,12 @@ class Settings(BaseSettings):
     cors_origins: Annotated[list[str], NoDecode] = Field(
         default=[], description="Web origins that may call the API from a browser, separated by commas."
     )
+    allowed_hosts: Annotated[list[str], NoDecode] = Field(
+        default=[],
+        description="Names under which browsers may ask for the service, beside `localhost` and addresses, without "
+        "ports, separated by commas; `*` is any. Unset: any where it listens for other machines too, none where it "
+        "listens for its own alone, as `spherify up` does.",
+    )
     cache_bytes: int = Field(
         default=1024 * MIB,
         ge=0,
@@ -97,7 +103,7 @@ class Settings(BaseSettings):
     )
     threads: int = Field(default=1, ge=1, description="Threads one runner computes with.")
 
-    @field_validator("cors_origins", mode="before")
+    @field_validator("cors_origins", "allowed_hosts", mode="before")
     @classmethod
     def _split(cls, value: object) -> object:
         return (

@@ -85,7 +85,7 @@ class Stack:
         environment["PYTHONSAFEPATH"] = "1"  # a folder `worker` where the user stands is none of ours
         environment["REDIS_URL"] = self._redis_url or self._start_server()
         fd = self._listener.fileno()
-        api = [sys.executable, "-m", "service", f"--fd={fd}"]
+        api = [sys.executable, "-m", "service", f"--fd={fd}", f"--host={self._host}"]
         self._programs = [Program("api", api, environment, self._say, folder=self.data_dir, keep_open=[fd])]
         for number in range(1, self._workers + 1):
             name = f"worker-{number}"

@@ -85,6 +85,12 @@ def test_the_lines_of_the_banner_work(up: Up, tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.glob("*.ply")] == ["quadruped_it00020.ply"]
 
 
+def test_no_other_name_is_given_to_it(up: Up) -> None:
+    """It listens for its own machine: a page whose name was made to stand for that is not served."""
+    answer = httpx.get(f"{up.url}/v1/jobs", headers={"Host": "attacker.example"})
+    assert answer.json()["type"] == "/problems/unknown-host"
+
+
 def test_the_first_start_makes_a_gallery_and_a_command_goes_on_with_it(tmp_path: Path) -> None:
     def shapes(client: Client) -> list[str]:
         return [job["name"] for job in client.jobs(tag=TAG)]

@@ -52,9 +52,14 @@ def stretched(factor: float) -> bytes:
 
 
 @contextmanager
-def serve(settings: Settings, stores: object, **options: object) -> Iterator[str]:
-    """Run the service in a thread and yield its URL; options are those of `service.server.configuration`."""
-    app = create_app(settings, stores)  # type: ignore[arg-type]
+def serve(
+    settings: Settings, stores: object, *, loopback: str | None = None, **options: object
+) -> Iterator[str]:
+    """Run the service in a thread and yield its URL; options are those of `service.server.configuration`.
+
+    It goes by any name, as one that listens for other machines too; with `loopback`, as one for this machine alone.
+    """
+    app = create_app(settings, stores, loopback=loopback)  # type: ignore[arg-type]
     config = configuration(
         app, port=0, log_config=None, lifespan="off", timeout_graceful_shutdown=2, **options
     )

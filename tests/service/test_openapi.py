@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -54,8 +55,10 @@ def test_every_problem_is_documented_where_it_may_happen() -> None:
         for answer in operation["responses"].values()
         for slug in answer.get("content", {}).get(MEDIA_TYPE, {}).get("examples", ())
     }
-    # of no operation in particular: the router's, and the refusal of a web origin
-    assert set(PROBLEMS) - documented == {"method-not-allowed", "malformed-request"}
+    # of no operation in particular: the router's, and the refusals of web origins and of names
+    before = {"method-not-allowed", "malformed-request", "cross-site", "unknown-host"}
+    assert set(PROBLEMS) - documented == before
+    assert {"cross-site", "unknown-host"} <= set(re.findall(r"`([a-z-]+)`", DOCUMENT["info"]["description"]))
 
 
 def test_problem_examples_stand_under_their_status() -> None:

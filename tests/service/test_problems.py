@@ -52,7 +52,7 @@ class World:
     """What a request may need."""
 
     client: httpx.Client
-    odd: httpx.Client  # tiny limits, no patience, one allowed web origin
+    odd: httpx.Client  # tiny limits, no patience, one allowed web origin, one name
     full: httpx.Client  # no space left
     lost: httpx.Client  # no server behind it
     submit: Callable[..., Hand]
@@ -66,6 +66,7 @@ class World:
 @pytest.fixture(scope="session")
 def others(shared_settings: Settings, shared_stores: Stores) -> Iterator[tuple[httpx.Client, ...]]:
     odd = {"max_vertices": 5, "upload_timeout_s": 0.2, "cors_origins": ["https://good.example"]}
+    odd |= {"allowed_hosts": ["good.example"]}
     lost = shared_settings.model_copy(update={"redis_url": "redis://127.0.0.1:1/0"})
     lost_stores = open_stores(lost)
     with (
@@ -178,6 +179,7 @@ PRODUCERS: dict[str, Callable[[World], httpx.Response]] = {
     "digest-mismatch": lambda w: w.client.put(
         "/v1/meshes?name=a.obj", content=OCTAHEDRON, headers={"Content-Digest": "sha-256=:AAAA:"}
     ),
+    "cross-site": lambda w: w.client.post("/v1/jobs", headers={"Sec-Fetch-Site": "cross-site"}),
     "not-found": lambda w: w.client.get("/v2/jobs"),
     "result-not-ready": lambda w: snapshot(w, "500.ply"),
     "method-not-allowed": lambda w: w.client.patch("/v1/jobs"),
@@ -195,6 +197,7 @@ PRODUCERS: dict[str, Callable[[World], httpx.Response]] = {
     "unsupported-media-type": lambda w: w.client.post("/v1/jobs", content=b"x"),
     "unsupported-mesh-format": lambda w: w.put(b"%PDF-1.7\n", "a.pdf"),
     "range-not-satisfiable": lambda w: snapshot(w, "0.ply", Range="bytes=999999-"),
+    "unknown-host": lambda w: w.odd.get("/v1/jobs", headers={"Host": "evil.example"}),
     "invalid-parameters": lambda w: w.client.get("/v1/jobs?limit=0"),
     "mesh-not-parsable": lambda w: w.put(b"v 1 2 x\nf 1 1 1\n"),
     "mesh-not-closed": lambda w: w.put(OPEN),

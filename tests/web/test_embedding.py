@@ -9,11 +9,12 @@ from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Browser, Page, expect
 
 from tests.architecture.source import ROOT
 from tests.e2e.api import Api
 from tests.stack import Stack, wait_for
+from tests.web.browser import OPTIONS, Complaints, chromium
 
 MOVED = """
 const viewer = document.querySelector('spherify-viewer');
@@ -21,6 +22,13 @@ const place = viewer.parentNode;
 viewer.remove();
 viewer.setAttribute('iteration', '10');
 place.append(viewer);
+"""
+SENT = """
+([address, mesh]) => {
+    const form = new FormData();
+    form.append('file', new Blob([mesh]), 'foreign.obj');
+    return fetch(address, {method: 'POST', mode: 'no-cors', body: form}).then(answer => answer.type);
+}
 """
 EXAMPLE = ROOT / "docs" / "embedding.html"
 
@@ -70,3 +78,37 @@ def test_the_example_page_shows_a_run_and_hears_of_it(
     expect(frame.locator(".readout b")).to_have_text("10")  # what it was told while it was away
     page.evaluate("document.querySelector('spherify-viewer').play()")
     expect(frame.get_by_role("button", name="Pause")).to_be_visible()
+
+
+@pytest.mark.parametrize("name", ["127.0.0.1", "localhost"])
+def test_a_page_of_another_origin_starts_no_job(
+    *,
+    page: Page,
+    stack: Stack,
+    api: Api,
+    animal: bytes,
+    elsewhere: tuple[Path, str],
+    name: str,
+    complaints: Complaints,
+) -> None:
+    """Without asking: a browser sends forms wherever a page says. To it one of these is of the same site."""
+    folder, address = elsewhere
+    (folder / "index.html").write_text("<link rel='icon' href='data:,'>another page")
+    complaints.expect("403")
+    page.goto(address.replace("127.0.0.1", name))
+    with page.expect_response(f"{stack.url}/v1/jobs") as answer:
+        assert page.evaluate(SENT, [f"{stack.url}/v1/jobs", animal.decode()]) == "opaque"
+    assert answer.value.status == 403
+    assert "foreign" not in {job["name"] for job in api.http.get("/v1/jobs").json()["items"]}
+
+
+def test_a_page_that_gives_its_name_to_this_machine_sees_nothing(browser: Browser, stack: Stack) -> None:
+    """The browser takes us for that page's own site, as it does once its name is said to be at our address."""
+    rule = "--host-resolver-rules=MAP attacker.example 127.0.0.1"
+    with browser.browser_type.launch(
+        executable_path=chromium(), headless=True, args=[*OPTIONS, rule]
+    ) as fooled:
+        port = stack.url.rpartition(":")[2]
+        answer = fooled.new_page().goto(f"http://attacker.example:{port}/v1/jobs")
+        assert answer is not None
+        assert answer.status == 421
