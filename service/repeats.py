@@ -18,9 +18,10 @@ from fastapi import Depends, Header, Request, Response
 
 from service.problems import problem_of
 from spherify.jobs.codec import dumps
-from spherify.jobs.errors import JobGoneError, StoreUnavailableError
+from spherify.jobs.errors import JobGoneError, JobNotFoundError, StoreUnavailableError
 from spherify.jobs.ids import new_job_id
 from spherify.jobs.model import RequestKey
+from spherify.jobs.ports import JobStore
 from spherify.jobs.repeats import RepeatStore
 
 
@@ -43,7 +44,8 @@ _Key = Annotated[
         max_length=255,
         pattern=r"^[\x21-\x7e]+$",
         description="A name for this request, new for each: a UUID. Sent again with the same key within a day, the "
-        "request is not carried out again but answered as before, with `Idempotent-Replayed: true`.",
+        "request is not carried out again but answered as before, with `Idempotent-Replayed: true`; with 410 where the "
+        "job that it made was deleted since.",
     ),
 ]
 
@@ -60,6 +62,8 @@ async def once(
     repeats: RepeatStore,
     content: Any,  # noqa: ANN401 (whatever JSON holds)
     act: Callable[[Identity], Awaitable[Response]],
+    *,
+    jobs: JobStore | None = None,
 ) -> Response:
     """Carry a request out, unless it was before.
 
@@ -68,9 +72,11 @@ async def once(
         repeats: where keys are kept.
         content: what it asks, JSON-ready: equal for requests that mean the same.
         act: does it, under the identity it is given.
+        jobs: where what it makes is recorded, if that is a job.
 
     Raises:
         KeyReusedError, RequestInProgressError, StoreUnavailableError: nothing was done.
+        JobGoneError: it was carried out before, and the job has been deleted since.
 
     """
     identity, _ = new_job_id()
@@ -80,9 +86,11 @@ async def once(
     name, fingerprint = _hash(f"{request.method} {request.url.path} {key}"), _hash(dumps(content))
     begun = await to_thread.run_sync(repeats.begin, name, fingerprint, identity)
     if begun.answer is not None:
+        await _made(jobs, begun.identity)
         log.info("answered before", extra={"action": "replay"})
         return _load(begun.answer)
     try:
+        made = begun.identity != identity and await _made(jobs, begun.identity)
         answer = await act(Identity(begun.identity, RequestKey(name, fingerprint)))
     except Exception as e:
         problem = problem_of(e)
@@ -92,7 +100,20 @@ async def once(
         await _tell(repeats.forget if refused else repeats.free, name)
         raise
     await _tell(lambda name: repeats.answered(name, _dump(answer)), name)
+    if made:  # whoever made it was answered, or had gone; the answer itself was lost
+        answer.headers[REPLAYED] = "true"
     return answer
+
+
+async def _made(jobs: JobStore | None, job_id: str) -> bool:
+    """Whether the job that a request is to make is there already; raises `JobGoneError` if it was deleted."""
+    if jobs is None:
+        return False
+    try:
+        await to_thread.run_sync(jobs.get, job_id)
+    except JobNotFoundError:
+        return False
+    return True
 
 
 async def _tell(write: Callable[[str], None], name: str) -> None:

@@ -135,5 +135,5 @@ async def _continue(
     async def act(identity: Identity) -> Response:
         return job_answer(request, await to_thread.run_sync(submit, identity), HTTPStatus.CREATED)
 
-    answer = await once(request, stores.repeats, content, act)
+    answer = await once(request, stores.repeats, content, act, jobs=stores.jobs)
     return await after_waiting(request, services, answer)

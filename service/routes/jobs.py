@@ -131,7 +131,7 @@ async def _on_known_mesh(
         return job_answer(request, job, HTTPStatus.CREATED)
 
     content = [asked.mesh_id or asked.from_snapshot, planned.as_dict()]
-    return await once(request, services.stores.repeats, content, act)
+    return await once(request, services.stores.repeats, content, act, jobs=services.stores.jobs)
 
 
 async def _from_form(request: Request, services: Services, *, dry_run: bool) -> Response:
@@ -156,7 +156,7 @@ async def _from_form(request: Request, services: Services, *, dry_run: bool) -> 
             return job_answer(request, job, HTTPStatus.CREATED)
 
         content = [file.sha256, file.name, sorted(allow), planned.as_dict()]
-        return await once(request, services.stores.repeats, content, act)
+        return await once(request, services.stores.repeats, content, act, jobs=services.stores.jobs)
 
 
 @router.get(

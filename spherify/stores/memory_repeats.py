@@ -34,7 +34,7 @@ class MemoryRepeatStore:
         if kept.fingerprint != fingerprint:
             raise KeyReusedError
         if kept.answer is not None:
-            return Beginning("", kept.answer)
+            return Beginning(kept.identity, kept.answer)
         if kept.busy:
             raise RequestInProgressError
         kept.busy = True

@@ -28,14 +28,14 @@ class RedisRepeatStore:
     def begin(self, key: str, fingerprint: str, identity: str) -> Beginning:
         """Take a request up; raises `KeyReusedError`, `RequestInProgressError`."""
         args = [fingerprint, identity, self._busy_ms, KEPT_S]
-        found, content = self._scripts("begin", [keys.repeat(key), keys.EPOCH], args, common=False)
+        found, *content = self._scripts("begin", [keys.repeat(key), keys.EPOCH], args, common=False)
         if found == "incomplete":
             raise StoreUnavailableError(REBUILDING)
         if found == "reused":
             raise KeyReusedError
         if found == "busy":
             raise RequestInProgressError
-        return Beginning(content) if found == "begun" else Beginning("", content)
+        return Beginning(*content)
 
     def remember(self, key: str, fingerprint: str, identity: str, begun_at: float) -> bool:
         """Take up again what was lost, for the rest of its day; False if there is something under the key."""

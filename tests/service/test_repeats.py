@@ -136,9 +136,32 @@ def test_a_key_outlives_the_loss_of_the_records(
     assert rebuild(stores.stock)
     again = submit(client, key)
     assert (again.status_code, again.json()["id"]) == (201, first)
+    assert again.headers["idempotent-replayed"] == "true"
     assert submit(client, key).headers["idempotent-replayed"] == "true"
     problem(submit(client, key, iterations="11"), 422, "idempotency-key-reused")
     assert jobs(client) == 1
+
+
+def test_the_key_of_a_deleted_job_makes_no_other(
+    client: httpx.Client, stores: Stores, known: str, key: str
+) -> None:
+    headers = {"Idempotency-Key": f"{key}-other"}
+    parent = client.post("/v1/jobs", json={"mesh_id": known}).json()["links"]["self"]
+    client.post(f"{parent}/cancel")
+    for way in (
+        lambda: submit(client, key),
+        lambda: client.post("/v1/jobs", json={"mesh_id": known}, headers=headers),
+        lambda: client.post(f"{parent}/retry", headers=headers),
+    ):
+        job_id = way().json()["id"]
+        assert way().status_code == 201
+        cancel(stores.jobs, stores.blobs, job_id)
+        assert way().status_code == 201, "an end alone changes nothing"
+        assert client.delete(f"/v1/jobs/{job_id}").status_code == 204
+        for _ in range(2):
+            problem(way(), 410, "gone")
+    assert jobs(client) == 1, "the one to be tried again"
+    problem(submit(client, key, iterations="11"), 422, "idempotency-key-reused")
 
 
 def test_the_key_of_a_deleted_job_makes_no_other_after_the_loss_of_the_records(

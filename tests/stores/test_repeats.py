@@ -28,7 +28,7 @@ def test_a_request_is_carried_out_once_and_then_answered(repeats: RepeatStore) -
     with pytest.raises(KeyReusedError):
         repeats.begin("k", "g", "two")
     repeats.answered("k", "an answer")
-    assert repeats.begin("k", "f", "two") == Beginning("", "an answer")
+    assert repeats.begin("k", "f", "two") == Beginning("one", "an answer")
     with pytest.raises(KeyReusedError):
         repeats.begin("k", "g", "two")
 
