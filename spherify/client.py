@@ -25,6 +25,10 @@ class UnreachableError(ServiceError):
     """Nobody answers at this address."""
 
 
+class InvalidAddressError(UnreachableError):
+    """It is no address of a service."""
+
+
 class RefusedError(ServiceError):
     """A problem document (RFC 9457).
 
@@ -44,7 +48,10 @@ class RefusedError(ServiceError):
 
 
 class Client:
-    """A session with one service; a context manager, safe to share between threads."""
+    """A session with one service; a context manager, safe to share between threads.
+
+    Raises `InvalidAddressError` unless the address is one of http or https.
+    """
 
     def __init__(self, url: str, *, timeout_s: float = 60.0) -> None:
         self.url = url.rstrip("/")
@@ -55,7 +62,9 @@ class Client:
                 trust_env=not _on_this_machine(self.url),  # no proxy leads back here
             )
         except httpx.InvalidURL as e:
-            raise UnreachableError(f"{url!r} is no address: {e}") from e
+            raise InvalidAddressError(f"{url!r} is no address: {e}") from e
+        if self._http.base_url.scheme not in {"http", "https"} or not self._http.base_url.host:
+            raise InvalidAddressError(f"{url!r} is no address: write it as in http://127.0.0.1:8000")
 
     def __enter__(self) -> Self:
         return self

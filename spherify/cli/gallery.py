@@ -9,9 +9,9 @@ from typing import Annotated, Any, Final, Self
 
 import typer
 
-from spherify.cli.console import err, fail
+from spherify.cli.console import REFUSED, err, fail
 from spherify.cli.programs import Say
-from spherify.client import Client, ServiceError
+from spherify.client import Client, InvalidAddressError, ServiceError
 from spherify.formats import write_mesh
 from spherify.geometry.samples import SAMPLES
 
@@ -31,12 +31,14 @@ def gallery(
     """Give a running service's page its gallery: the paper's shapes with a finished run each, as `up` does by itself.
 
     Nothing is done on a service that has jobs and no gallery; one that was begun is gone on with. Ends with 0 when the
-    last run is submitted, 1 if the service fails.
+    last run is submitted, 1 if the service fails, 2 for a wrong option.
     """
     try:
         with Client(url) as client:
             if not fill(client, threading.Event(), lambda _, words: err.print(words, markup=False)):
                 err.print("no gallery: the service has jobs already")
+    except InvalidAddressError as e:
+        fail(f"--url: {e}", REFUSED)
     except ServiceError as e:
         fail(str(e))
 

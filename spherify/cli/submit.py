@@ -11,13 +11,15 @@ import typer
 from rich.progress import Progress as Bars
 from rich.progress import TaskID
 
-from spherify.cli.console import FAILED, INTERRUPTED, REFUSED, err, fail, progress_bar
+from spherify.cli.console import COLLAPSED, FAILED, INTERRUPTED, REFUSED, err, fail, progress_bar
 from spherify.cli.inputs import MethodOption, PresetOption
 from spherify.cli.interruption import interruptible
-from spherify.client import Client, ServiceError
+from spherify.client import Client, InvalidAddressError, RefusedError, ServiceError
 from spherify.formats import FORMATS_OUT
 
 AT_ONCE: Final = 8
+# Answers that blame the mesh or an option, and would be the same tomorrow.
+_OURS: Final = frozenset({400, 413, 415, 422})
 
 
 def submit(
@@ -45,8 +47,9 @@ def submit(
 ) -> None:
     """Morph meshes on a service and save their snapshots as they appear.
 
-    Ends with 0 if all succeeded, 1 if any could not be had (what there is of it is saved), 2 for a wrong option,
-    and 130 after Ctrl-C, with the jobs going on.
+    Ends with 0 if all succeeded; 2 if an option or the mesh was refused; 3 if the run collapsed (its best state is
+    saved); 1 if it could not be had for another reason, or if of several meshes only some succeeded or they failed
+    differently; 130 after Ctrl-C, with the jobs going on.
     """
     if mesh_format not in FORMATS_OUT:
         fail(f"--format must be one of {', '.join(FORMATS_OUT)}, not {mesh_format!r}", REFUSED)
@@ -71,18 +74,17 @@ def submit(
         client = Client(url)
     except OSError as e:
         fail(f"{folder} cannot be made: {e.strerror}", REFUSED)
-    except ServiceError as e:
+    except InvalidAddressError as e:
         fail(f"--url: {e}", REFUSED)
     with interruptible() as stopping, client, progress_bar() as bars, ThreadPoolExecutor(AT_ONCE) as pool:
         errands = [
-            _Errand(client, path, fields, mesh_format, folder / stem, bars, _bar(bars, path.name), stopping)
+            _Errand(client, path, fields, mesh_format, folder / stem, bars, _bar(bars, _name(path)), stopping)
             for path, stem in zip(files, _stems(files), strict=True)
         ]
-        succeeded = list(pool.map(_Errand.run, errands))
+        codes = set(pool.map(_Errand.run, errands))
     if stopping:
         fail("interrupted; what was accepted goes on, see `curl URL/v1/jobs`", INTERRUPTED)
-    if not all(succeeded):
-        raise typer.Exit(FAILED)
+    raise typer.Exit(codes.pop() if len(codes) == 1 else FAILED)
 
 
 class _LeftError(Exception):
@@ -102,22 +104,25 @@ class _Errand:
     task: TaskID
     stopping: list[int]
 
-    def run(self) -> bool:
-        """Upload, follow, download; returns whether all went well, and says so where it did not."""
+    def run(self) -> int:
+        """Upload, follow, download; returns the exit code of a command that does no more, and says why it is not 0."""
         try:
             return self._run()
         except _LeftError:
-            return False
+            return INTERRUPTED
         except ServiceError as e:
-            return self._failed(str(e))
+            return self._failed(str(e), FAILED)
         except OSError as e:
-            return self._failed(
-                f"{e.filename}: {e.strerror}" if e.filename != str(self.path) else str(e.strerror)
-            )
+            return self._failed(f"{e.filename}: {e.strerror}", FAILED)
 
-    def _run(self) -> bool:
+    def _run(self) -> int:
         self._look_up()
-        job = self.client.submit(self.path, self.fields)
+        try:
+            job = self.client.submit(self.path, self.fields)
+        except RefusedError as e:
+            return self._failed(str(e), REFUSED if e.status in _OURS else FAILED)
+        except OSError as e:
+            return self._failed(str(e.strerror), REFUSED)
         saved: set[int] = set()
         for job in self.client.follow(job["id"], meanwhile=self._look_up):  # noqa: B020 (the newest is what counts)
             show(self.bars, self.task, job)
@@ -126,8 +131,11 @@ class _Errand:
                     self._save(job["id"], iteration)
                     saved.add(iteration)
         if job["status"] == "successful":
-            return True
-        return self._failed(job["error"]["detail"] if job["error"] else f"job {job['id']} was cancelled")
+            return 0
+        return self._failed(
+            job["error"]["detail"] if job["error"] else f"job {job['id']} was cancelled",
+            COLLAPSED if job["stop_reason"] == "collapsed" else FAILED,
+        )
 
     def _look_up(self) -> None:
         if self.stopping:
@@ -137,10 +145,10 @@ class _Errand:
         target = self.target.with_name(f"{self.target.name}_it{iteration:05d}.{self.mesh_format}")
         self.client.download(job_id, iteration, self.mesh_format, target)
 
-    def _failed(self, sentence: str) -> bool:
+    def _failed(self, sentence: str, code: int) -> int:
         self.bars.update(self.task, note="failed", rate=None)
-        err.print(f"{self.path.name}: {sentence}", markup=False)
-        return False
+        err.print(f"{_name(self.path)}: {sentence}", markup=False)
+        return code
 
 
 def show(bars: Bars, task: TaskID, job: dict[str, Any]) -> None:
@@ -148,11 +156,10 @@ def show(bars: Bars, task: TaskID, job: dict[str, Any]) -> None:
     progress, figures = job["progress"], job["metrics"] or {}
     sphericity = figures.get("sphericity")
     ended = job["status"] in {"successful", "failed", "cancelled"}
-    total = progress["iteration"] if ended else progress["iterations_total"]
     bars.update(
         task,
-        completed=max(progress["iteration"], 1) if ended else progress["iteration"],
-        total=max(total, 1),
+        completed=progress["iteration"],
+        total=progress["iteration"] if ended else max(progress["iterations_total"], 1),
         note=(f"Ψ {sphericity:.4f} " if sphericity is not None else "")
         + (job["stop_reason"] or job["status"] if ended else job["status"]),
         rate=progress["iterations_per_s"],
@@ -162,6 +169,11 @@ def show(bars: Bars, task: TaskID, job: dict[str, Any]) -> None:
 
 def _bar(bars: Bars, name: str) -> TaskID:
     return bars.add_task(name, total=1, note="uploading", rate=None, eta=None)
+
+
+def _name(path: Path) -> str:
+    """Return what a file is called; `.` and `/` have no name of their own."""
+    return path.name or str(path)
 
 
 def _stems(files: list[Path]) -> list[str]:

@@ -61,17 +61,34 @@ def test_a_refusal_is_a_sentence_and_the_others_go_on(stack: Stack, meshes: Path
     assert (meshes / "cube_it00001.ply").exists()
 
 
+def test_the_one_mesh_that_is_refused_is_exit_code_2(stack: Stack, meshes: Path) -> None:
+    (meshes / "open.obj").write_text(OCTAHEDRON)
+    done = spherify_here("submit", "open.obj", "--url", stack.url, cwd=meshes)
+    assert done.code == 2
+    assert "boundary" in done.err
+
+
 def test_a_wrong_parameter_is_named(stack: Stack, meshes: Path) -> None:
-    done = spherify_here("submit", "cube.off", "--url", stack.url, "--set", "stride=1", cwd=meshes)
-    assert done.code == 1
+    done = spherify_here(
+        "submit", "cube.off", "stone.off", "--url", stack.url, "--set", "stride=1", cwd=meshes
+    )
+    assert done.code == 2
     assert "stride" in done.err
+
+
+@pytest.mark.parametrize("command", [("submit", "cube.off"), ("gallery",)])
+@pytest.mark.parametrize("url", ["notaurl", "ftp://127.0.0.1", "http://", "http://a:b"])
+def test_what_is_no_address_is_a_wrong_option(meshes: Path, command: tuple[str, ...], url: str) -> None:
+    done = spherify_here(*command, "--url", url, cwd=meshes)
+    assert done.code == 2
+    assert f"--url: {url!r} is no address" in done.err
 
 
 def test_a_collapsed_job_is_told_and_its_snapshots_are_saved(stack: Stack, meshes: Path) -> None:
     (meshes / "animal.ply").write_bytes(write_mesh(SAMPLES["quadruped"].build(400), "ply"))
     options = ["--preset", "paper", "--set", "step=0.2", "--iterations", "3000", "--snapshots", "10"]
     done = spherify_here("submit", "animal.ply", "--url", stack.url, *options, cwd=meshes)
-    assert done.code == 1
+    assert done.code == 3
     assert "inside out" in done.err
     assert (meshes / "animal_it00010.ply").exists()
 
@@ -87,7 +104,8 @@ def test_nobody_there(meshes: Path) -> None:
     assert "Traceback" not in done.err
 
 
-def test_a_missing_file_is_named(stack: Stack, meshes: Path) -> None:
-    done = spherify_here("submit", "no.obj", "--url", stack.url, cwd=meshes)
-    assert done.code == 1
-    assert "no.obj" in done.err
+@pytest.mark.parametrize("file", ["no.obj", "."])
+def test_what_is_no_file_is_named(stack: Stack, meshes: Path, file: str) -> None:
+    done = spherify_here("submit", file, "--url", stack.url, cwd=meshes)
+    assert done.code == 2
+    assert f"\n{file}: " in f"\n{done.err}"
