@@ -67,7 +67,7 @@ def morph(
     """
     form = output.suffix.lower().removeprefix(".")
     if form not in FORMATS_OUT:
-        fail(f"{output.name}: the suffix must be one of {', '.join('.' + f for f in FORMATS_OUT)}", REFUSED)
+        fail(f"{output}: the suffix must be one of {', '.join('.' + f for f in FORMATS_OUT)}", REFUSED)
     if not output.parent.is_dir():
         fail(f"the folder {output.parent} does not exist", REFUSED)
     preset, parameters = parameters_of(preset, method, iterations, assignments or [])
@@ -170,14 +170,13 @@ class _Files:
 
     def finish(self, end: RunEnd) -> None:
         """Write the result: the state the run ended with, which a collapsed one has left behind."""
-        self.seconds = self.clock() - (self.clock() if self._began is None else self._began)
+        self.seconds = 0.0 if self._began is None else self.clock() - self._began
         iteration, data = self._last
         self.output.write_bytes(
             data if iteration == end.iteration else self.written[end.iteration].read_bytes()
         )
         self._move(end.progress, end.sphericity)
-        done = max(end.iteration, 1)
-        self.bars.update(self._task, total=done, completed=done, rate=None)
+        self.bars.update(self._task, total=end.iteration, completed=end.iteration, rate=None)
 
     def figures(self, end: RunEnd) -> Row:
         """Return the figures of the result."""

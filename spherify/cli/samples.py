@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from spherify.cli.console import REFUSED, fail, out
-from spherify.cli.inputs import SAMPLE_VERTICES
+from spherify.cli.inputs import SAMPLE_MOST, SAMPLE_VERTICES
 from spherify.formats import FORMATS_OUT, write_mesh
 from spherify.geometry.samples import SAMPLES
 
@@ -18,18 +18,26 @@ def samples(
         Path | None, typer.Option("--output", "-o", metavar="DIR", help="Write them all into this folder.")
     ] = None,
     mesh_format: Annotated[str, typer.Option("--format", help="Of the files.")] = "obj",
-    vertices: Annotated[int, typer.Option(min=4, help="How many vertices to aim at.")] = SAMPLE_VERTICES,
+    vertices: Annotated[
+        int, typer.Option(min=4, max=SAMPLE_MOST, help="How many vertices to aim at.")
+    ] = SAMPLE_VERTICES,
 ) -> None:
     """List the sample meshes, or write them as files."""
     if mesh_format not in FORMATS_OUT:
         fail(f"--format must be one of {', '.join(FORMATS_OUT)}, not {mesh_format!r}", REFUSED)
-    if folder is not None:
-        folder.mkdir(parents=True, exist_ok=True)
+    try:
+        if folder is not None:
+            folder.mkdir(parents=True, exist_ok=True)
+    except OSError as e:
+        fail(f"{folder} cannot be made: {e.strerror}", REFUSED)
     for sample in SAMPLES.values():
         if folder is None:
             out.print(f"sample:{sample.name:<20} {sample.title}", markup=False)
             continue
         mesh = sample.build(vertices)
         path = folder / f"{sample.name}.{mesh_format}"
-        path.write_bytes(write_mesh(mesh, mesh_format))
+        try:
+            path.write_bytes(write_mesh(mesh, mesh_format))
+        except OSError as e:
+            fail(f"{path} cannot be written: {e.strerror}")
         out.print(f"{path}  {len(mesh.vertices):,} vertices", markup=False)

@@ -69,7 +69,10 @@ def read_mesh(
         raise ValueError(f"there is no switch {sorted(unknown)[0]!r}; choose from {', '.join(ALLOW)}")
     limits = limits or ReadLimits()
     path = Path(path).resolve(strict=True)
-    size = path.stat().st_size
+    with path.open(
+        "rb"
+    ) as file:  # a folder, or what may not be read, is the caller's fault and not the child's
+        size = os.fstat(file.fileno()).st_size
     seconds = limits.seconds_for(size)
     with tempfile.TemporaryDirectory(prefix="spherify-read-") as folder:
         request = {

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 import signal
 import subprocess
 from collections.abc import Callable
@@ -163,13 +164,20 @@ def test_a_switch_lets_the_same_mesh_in(tmp_path: Path) -> None:
     ("arguments", "says"),
     [
         (["no.obj", "-o", "out.ply"], "no.obj"),
+        ([".", "-o", "out.ply"], "spherify: . cannot be read: Is a directory"),
+        (["sample:cube", "-o", "."], "spherify: .: the suffix must be"),
+        (["sample:stone:50001", "-o", "out.ply"], "at most 50,000 vertices"),
+        (["sample:stone:" + 5000 * "9", "-o", "out.ply"], "at most 50,000 vertices"),
         (["sample:dragon", "-o", "out.ply"], "quadruped"),
         (["sample:cube:many", "-o", "out.ply"], "sample:cube:5000"),
         (["sample:cube", "-o", "out.txt"], ".ply"),
         (["sample:cube", "-o", "nowhere/out.ply"], "nowhere"),
         (["sample:cube", "-o", "out.ply", "--preset", "magic"], "paper-absolute"),
         (["sample:cube", "-o", "out.ply", "--set", "step"], "name=value"),
-        (["sample:cube", "-o", "out.ply", "--set", "stride=1"], "stride"),
+        (
+            ["sample:cube", "-o", "out.ply", "--set", "stride=1"],
+            "no parameter stride; there are method, iterations",
+        ),
         (["sample:cube", "-o", "out.ply", "--set", "step=-1"], "step"),
         (["sample:cube", "-o", "out.ply", "--set", "window=[70,30]"], "window"),
         (["sample:cube", "-o", "out.ply", "--snapshots", "often"], "every:N"),
@@ -189,9 +197,55 @@ def test_a_wrong_option_is_named(tmp_path: Path, arguments: list[str], says: str
     assert os.listdir(tmp_path) == ["sphere.obj"]
 
 
+@pytest.mark.parametrize("way", ["cat sphere.obj | {} /dev/stdin", "{} /dev/stdin < sphere.obj"])
+def test_a_mesh_may_come_through_a_pipe(tmp_path: Path, way: str) -> None:
+    (tmp_path / "sphere.obj").write_text(OCTAHEDRON + LAST_FACE)
+    line = way.format(f"{shlex.join(COMMAND)} morph -o out.ply --iterations 1")
+    done = subprocess.run(
+        ["sh", "-c", line], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert len(read_mesh(tmp_path / "out.ply", "out.ply").mesh.faces) == 8
+
+
+def test_a_finished_sphere_takes_no_time(tmp_path: Path) -> None:
+    enough = ["--set", "stop_radius_variation=0.9"]
+    assert "-0.0" not in str(report(tmp_path, "sample:stone:300", "-o", "a.ply", *enough)["seconds"])
+    done = spherify_here("morph", "sample:stone:300", "-o", "a.ply", *enough, cwd=tmp_path)
+    assert "converged after 0 iterations in 0.00 s" in done.err
+    assert " 0/0 " in done.err
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is none but on Linux")
+@pytest.mark.parametrize("command", [["morph", "sphere.obj", "-o", "out.ply", "--json"], ["samples"]])
+def test_an_output_that_is_full_is_a_sentence(tmp_path: Path, command: list[str]) -> None:
+    (tmp_path / "sphere.obj").write_text(OCTAHEDRON + LAST_FACE)
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [*COMMAND, *command], cwd=tmp_path, stdout=full, stderr=subprocess.PIPE, text=True, check=False
+        )
+    assert done.returncode == 1
+    assert done.stderr.splitlines()[-1].startswith("spherify: what there is to say cannot be written: ")
+    assert "Traceback" not in done.stderr
+
+
 def test_version(tmp_path: Path) -> None:
     done = spherify("--version", cwd=tmp_path)
     assert (done.code, done.out) == (0, "spherify 0.1.0\n")
+
+
+def test_samples_that_cannot_be_written_are_a_sentence(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    (tmp_path / "folder" / "stone.obj").mkdir(parents=True)
+    for folder, code, says in (
+        ("file", 2, "file cannot be made: File exists"),
+        ("folder", 1, "stone.obj cannot be written: Is a directory"),
+    ):
+        done = spherify_here("samples", "-o", folder, "--vertices", "100", cwd=tmp_path)
+        assert done.code == code
+        assert says in done.err
+    assert spherify_here("samples", "-o", "new", "--vertices", "50001", cwd=tmp_path).code == 2
+    assert not (tmp_path / "new").exists()
 
 
 def test_samples_are_listed_and_written(tmp_path: Path) -> None:
