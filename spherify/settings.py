@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from typing import Annotated, Literal
+from urllib.parse import urlsplit
 
 from pydantic import AliasChoices, Field, field_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
@@ -18,7 +19,11 @@ class Settings(BaseSettings):
     """The configuration of one process, read from the environment."""
 
     model_config = SettingsConfigDict(
-        env_prefix="SPHERIFY_", extra="ignore", frozen=True, populate_by_name=True
+        env_prefix="SPHERIFY_",
+        extra="ignore",
+        frozen=True,
+        populate_by_name=True,
+        hide_input_in_errors=True,  # an address may have a password
     )
 
     redis_url: str = Field(
@@ -110,8 +115,26 @@ class Settings(BaseSettings):
             [part.strip() for part in value.split(",") if part.strip()] if isinstance(value, str) else value
         )
 
+    @field_validator("redis_url")
+    @classmethod
+    def _address(cls, value: str) -> str:
+        if value and not _is_server(value):  # an empty one is none
+            raise ValueError("it is no address of a server: write it as in redis://127.0.0.1:6379/0")
+        return value
+
     @property
     def url_without_password(self) -> str:
         """`redis_url` fit for messages."""
         scheme, _, rest = self.redis_url.partition("://")
         return f"{scheme}://{rest.rpartition('@')[2]}"
+
+
+def _is_server(url: str) -> bool:
+    try:
+        parts = urlsplit(url)
+        _ = parts.port  # raises, as the next one, where it is no number
+        if parts.scheme in {"redis", "rediss"}:
+            int(parts.path.strip("/") or 0)  # the database
+    except ValueError:
+        return False
+    return parts.scheme in {"redis", "rediss", "unix"}

@@ -110,4 +110,4 @@ def _settings() -> Settings:
         first = e.errors(include_url=False, include_context=False, include_input=False)[0]
         name = str(first["loc"][0]).upper()
         name = name if name == "REDIS_URL" else f"SPHERIFY_{name.removeprefix('SPHERIFY_')}"
-        fail(f"{name} in the environment: {first['msg']}", REFUSED)
+        fail(f"{name} in the environment: {first['msg'].removeprefix('Value error, ')}", REFUSED)

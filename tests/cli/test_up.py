@@ -20,7 +20,7 @@ from spherify.client import Client
 from spherify.formats import write_mesh
 from spherify.geometry.samples import SAMPLES
 from spherify.stores.embedded import EmbeddedServer
-from tests.cli.program import Running, running, spherify, spherify_here
+from tests.cli.program import Running, running, spherify_here
 from tests.processes import await_gone
 from tests.stack import wait_for
 
@@ -195,11 +195,26 @@ def test_ctrl_c_while_starting(tmp_path: Path) -> None:
     assert "Traceback" not in command.text
 
 
-def test_a_wrong_setting_is_a_sentence(tmp_path: Path) -> None:
-    done = spherify("up", cwd=tmp_path, environment={"SPHERIFY_LEASE_S": "soon"})
+@pytest.mark.parametrize(
+    ("name", "value", "says"),
+    [
+        ("SPHERIFY_LEASE_S", "soon", "valid number"),
+        ("REDIS_URL", "nonsense", "no address of a server: write it as in redis://127.0.0.1:6379/0"),
+        ("REDIS_URL", "http://127.0.0.1:6379", "no address"),
+        ("REDIS_URL", "redis://:secret@127.0.0.1:port/0", "no address"),
+        ("REDIS_URL", "redis://127.0.0.1/first", "no address"),
+    ],
+)
+def test_a_wrong_setting_is_a_sentence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, value: str, says: str
+) -> None:
+    monkeypatch.setenv(name, value)
+    done = spherify_here("up", "--data", "data", cwd=tmp_path)
     assert done.code == 2
-    assert "SPHERIFY_LEASE_S" in done.err
-    assert "Traceback" not in done.err
+    (line,) = done.err.splitlines()
+    assert line.startswith(f"spherify: {name} in the environment: ")
+    assert says in line
+    assert "secret" not in line
 
 
 def test_a_host_that_does_not_exist_is_a_sentence(tmp_path: Path) -> None:
