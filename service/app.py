@@ -94,6 +94,7 @@ def _middleware(settings: Settings, services: Services, loopback: str | None) ->
             "Content-Digest",
             "Content-Type",
             "Idempotency-Key",
+            "If-Match",
             "If-None-Match",
             "If-Range",
             "Last-Event-ID",

@@ -16,6 +16,7 @@ from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 from starlette.types import Receive, Scope, Send
 
+from service.conditions import heed, matches
 from service.problems import ProblemError
 from spherify.formats.names import safe_name
 
@@ -56,17 +57,6 @@ def strong_etag(*parts: object) -> str:
     return f'"{hashlib.sha256(repr(parts).encode()).hexdigest()[:32]}"'
 
 
-def matches(request: Request, etag: str) -> bool:
-    """Whether `If-None-Match` names this tag, compared weakly."""
-    wanted = request.headers.get("if-none-match")
-    if wanted is None:
-        return False
-    bare = etag.removeprefix("W/")
-    return wanted.strip() == "*" or bare in {
-        tag.strip().removeprefix("W/") for tag in re.findall(r'(?:W/)?"[^"]*"', wanted)
-    }
-
-
 def accepts_gzip(request: Request) -> bool:
     """Whether `Accept-Encoding` lets the answer be compressed (RFC 9110, 12.5.3)."""
     quality: dict[str, float] = {}
@@ -94,14 +84,21 @@ def json_answer(
 ) -> Response:
     """Return a model, or what makes its text, as JSON; 304 when it is a GET and the client has it.
 
-    With an ``etag`` nothing is made for a client that has it.
+    With an ``etag`` nothing is made for a client that has it. Raises `precondition-failed` for a GET of something else.
     """
     data = None if etag else json_text(answer)
-    tag = etag or f'W/"{hashlib.sha256(data or b"").hexdigest()[:24]}"'
+    tag = etag or text_etag(data or b"")
     common = {"ETag": tag, "Cache-Control": cache_control, **(headers or {})}
-    if request.method == "GET" and matches(request, tag):
-        return Response(status_code=HTTPStatus.NOT_MODIFIED, headers=common)
+    if request.method == "GET":
+        heed(request, tag)
+        if matches(request, tag):
+            return Response(status_code=HTTPStatus.NOT_MODIFIED, headers=common)
     return Response(data or json_text(answer), status, common, "application/json")
+
+
+def text_etag(text: bytes) -> str:
+    """Return the entity tag of JSON."""
+    return f'"{hashlib.sha256(text).hexdigest()[:24]}"'
 
 
 def json_text(answer: BaseModel | Callable[[], bytes]) -> bytes:
@@ -110,7 +107,8 @@ def json_text(answer: BaseModel | Callable[[], bytes]) -> bytes:
 
 
 def deliver(request: Request, content: Content, vary: str | None = None) -> Response:
-    """Return a content, a range of it, or 304; raises `range-not-satisfiable`."""
+    """Return a content, a range of it, or 304; raises `precondition-failed`, `range-not-satisfiable`."""
+    heed(request, content.etag)
     if matches(request, content.etag):
         return not_modified(content.etag, content.cache_control, vary)
     start, end = (0, content.size) if request.scope.get("head") else _range(request, content)

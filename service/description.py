@@ -21,8 +21,9 @@ snapshots come out while it runs.
 Mesh, job, snapshot: each has its own life. Every answer carries `X-Request-ID`. Everything that goes wrong is \
 `application/problem+json` (RFC 9457) with a `type` that leads to its description; branch on `type`, show `detail`. \
 Times are RFC 3339 in UTC, links absolute paths, listings go by cursor. Every address that answers GET answers HEAD. \
-New members may be added to answers at any time: ignore those you do not know. What pages of other sites have a \
-browser send is refused (`cross-site`), and on a machine of one's own every name that is not its own (`unknown-host`).
+What has an `ETag` heeds `If-None-Match` and `If-Match` (`precondition-failed`), also when it is to be deleted. New \
+members may be added to answers at any time: ignore those you do not know. What pages of other sites have a browser \
+send is refused (`cross-site`), and on a machine of one's own every name that is not its own (`unknown-host`).
 
 A job is `accepted`, then `running`, and ends as `successful`, `failed` or `cancelled`; `cancelling` lies between. \
 `done` is true for exactly the three ends. After the loss of a worker a job is `accepted` again, `attempt` rises, and \

@@ -73,9 +73,12 @@ def _size(job: Job, text: bytes) -> int:
 
 
 def job_etag(job: Job) -> str:
-    """Return the entity tag of a job: its revision, and its place in the queue, which moves without one."""
+    """Return the entity tag of a job: its revision, and its place in the queue, which moves without one.
+
+    A strong one, which `If-Match` takes: what a document says changes with them alone.
+    """
     position = "" if job.queue_position is None else f".{job.queue_position}"
-    return f'W/"{job.rev}{position}"'
+    return f'"{job.rev}{position}"'
 
 
 def job_answer(

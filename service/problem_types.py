@@ -140,6 +140,13 @@ PROBLEMS: Final[dict[str, ProblemType]] = {
         ),
         ProblemType("gone", 410, "It was deleted", "The job existed and was deleted; it does not come back."),
         ProblemType(
+            "precondition-failed",
+            412,
+            "It is not as the request takes it to be",
+            "`If-Match` names another state than there is, or `If-None-Match` the one there is. Nothing was done. Look "
+            "again, and decide anew.",
+        ),
+        ProblemType(
             "upload-too-large",
             413,
             "The body is too large",

@@ -12,7 +12,8 @@ from typing import Final
 from starlette.requests import Request
 from starlette.responses import Response
 
-from service.delivery import accepts_gzip, matches, not_modified
+from service.conditions import heed, matches
+from service.delivery import accepts_gzip, not_modified
 
 BUILT: Final = Path(__file__).parent / "web" / "dist"
 NOT_BUILT: Final = (
@@ -38,9 +39,10 @@ class SiteFile:
     headers: dict[str, str]
 
     def answer(self, request: Request) -> Response:
-        """Return the file, or 304."""
+        """Return the file, or 304; raises `precondition-failed`."""
         zipped = self.zipped if accepts_gzip(request) else None
         etag = self.etag if zipped is None else f'{self.etag[:-1]}-gzip"'
+        heed(request, etag)
         if matches(request, etag):
             return not_modified(etag, self.headers["Cache-Control"], "Accept-Encoding")
         headers = self.headers | {"ETag": etag} | ({"Content-Encoding": "gzip"} if zipped else {})

@@ -11,8 +11,9 @@ from anyio import to_thread
 from fastapi import APIRouter, Query, Request, Response
 
 from service import documentation as doc
+from service.conditions import heed, is_conditional, matches
 from service.context import Context, Services
-from service.delivery import json_answer, matches
+from service.delivery import json_answer
 from service.forms import FORM, media_type, multipart
 from service.identifiers import JobId
 from service.job_answers import job_answer, job_etag
@@ -265,10 +266,12 @@ def cancel_job(request: Request, context: Context, job_id: JobId) -> Response:
     operation_id="deleteJob",
     summary="Delete a finished job",
     status_code=HTTPStatus.NO_CONTENT,
-    responses=doc.problems("not-found", "gone", "job-not-finished", *doc.STORES),
+    responses=doc.problems("not-found", "gone", "job-not-finished", "precondition-failed", *doc.STORES),
 )
-def remove_job(context: Context, job_id: JobId) -> Response:
+def remove_job(request: Request, context: Context, job_id: JobId) -> Response:
     """Delete a finished job, its snapshots and figures; its address answers 410 from then on."""
+    if is_conditional(request) and (job := context.stores.jobs.get(job_id)).status.done:
+        heed(request, job_etag(job))  # which stays: what has ended does not change any more
     delete_job(context.stores.jobs, context.stores.blobs, job_id)
     log.info("deleted", extra={"action": "delete", "job_id": job_id})
     return Response(status_code=HTTPStatus.NO_CONTENT)

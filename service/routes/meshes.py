@@ -9,9 +9,10 @@ from anyio import to_thread
 from fastapi import APIRouter, Query, Request, Response
 
 from service import documentation as doc
+from service.conditions import heed, is_conditional
 from service.context import Context
 from service.conversion import Ascii, Color, Form, Precision, converted_mesh, original
-from service.delivery import json_answer
+from service.delivery import json_answer, json_text, text_etag
 from service.forms import multipart
 from service.identifiers import MeshFormat, MeshId
 from service.paging import DEFAULT_LIMIT, Cursor, Limit, link_header, links
@@ -179,9 +180,11 @@ async def download_mesh_as(
     operation_id="deleteMesh",
     summary="Delete a mesh",
     status_code=HTTPStatus.NO_CONTENT,
-    responses=doc.problems("not-found", "mesh-in-use", *doc.STORES),
+    responses=doc.problems("not-found", "mesh-in-use", "precondition-failed", *doc.STORES),
 )
-def remove_mesh(context: Context, mesh_id: MeshId) -> Response:
+def remove_mesh(request: Request, context: Context, mesh_id: MeshId) -> Response:
     """Delete a mesh and its files; refused while any job names it."""
+    if is_conditional(request):
+        heed(request, text_etag(json_text(mesh_out(context.stores.meshes.get(mesh_id)))))
     delete_mesh(context.stores.meshes, context.stores.blobs, mesh_id)
     return Response(status_code=HTTPStatus.NO_CONTENT)

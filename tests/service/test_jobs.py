@@ -254,7 +254,6 @@ def test_percent_of_no_iterations(submitted: Submit) -> None:
 def test_an_unchanged_job_is_not_sent_again(client: httpx.Client, submitted: Submit) -> None:
     hand = submitted().claim()
     first = client.get(f"/v1/jobs/{hand.job_id}")
-    assert first.headers["etag"].startswith('W/"')
     assert first.headers["retry-after"]
     known = {"If-None-Match": first.headers["etag"]}
     second = client.get(f"/v1/jobs/{hand.job_id}", headers=known)

@@ -192,6 +192,7 @@ PRODUCERS: dict[str, Callable[[World], httpx.Response]] = {
     "job-not-finished": lambda w: w.client.delete(f"/v1/jobs/{w.submit().job_id}"),
     "mesh-in-use": lambda w: w.client.delete(f"/v1/meshes/{w.submit().job().spec.mesh_id}"),
     "gone": deleted,
+    "precondition-failed": lambda w: w.client.delete(finished(w), headers={"If-Match": '"nope"'}),
     "upload-too-large": lambda w: w.put(b"#" * 2_000_001),
     "mesh-too-large": lambda w: w.odd.put("/v1/meshes?name=a.obj", content=OCTAHEDRON + b"# other\n"),
     "unsupported-media-type": lambda w: w.client.post("/v1/jobs", content=b"x"),

@@ -13,6 +13,7 @@ from service.answers import add_handlers
 from service.middleware import ErrorGuard, RequestContext
 from service.routes import site as routes
 from service.site import NOT_BUILT, Site
+from tests.service.conftest import problem
 
 SCRIPT = "export const answer = 42;\n" * 40
 
@@ -80,6 +81,7 @@ def test_assets_are_kept_for_ever_and_come_compressed(built: Browser) -> None:
 
 def test_what_the_browser_has_is_not_sent_again(built: Browser) -> None:
     etag = built.get("/").headers["etag"]
+    problem(built.get("/", headers={"If-Match": '"nope"'}), 412, "precondition-failed")
     answer = built.get("/", headers={"If-None-Match": etag})
     assert (answer.status_code, answer.content) == (304, b"")
     assert answer.headers["etag"] == etag
