@@ -60,9 +60,11 @@ def read(data: bytes, mesh_format: str, limits: ReadLimits) -> RawMesh:
 def _check_surface(raw: RawMesh) -> None:
     """Raise `UnreadableError` unless there are faces over vertices that can be reckoned with."""
     if not len(raw.faces):
-        points = f"only {len(raw.vertices):,} points" if len(raw.vertices) else "no points either"
+        found = (
+            f"no faces, only {len(raw.vertices):,} points" if len(raw.vertices) else "no faces and no points"
+        )
         raise UnreadableError(
-            f"The file has no faces, {points}. Export the surface as triangles; a point cloud needs a surface "
+            f"The file has {found}. Export the surface as triangles; a point cloud needs a surface "
             "reconstruction first."
         )
     used = np.zeros(len(raw.vertices), dtype=bool)

@@ -19,6 +19,8 @@ from spherify.geometry.mesh import Floats, Ints
 UTF8_BOM = b"\xef\xbb\xbf"
 UTF16_BOMS = (b"\xff\xfe", b"\xfe\xff")
 _BLOCK = 1 << 22
+_GREATEST = 2**63 - 1
+_NO_DIGITS = 16  # from so many on a number names no vertex: 2^53 has as many, and all formats hold fewer
 _SHOWN = 40  # characters of a bad word that go into the sentence
 
 
@@ -55,8 +57,11 @@ def numbers(text: bytes, expected: int) -> Floats | None:
 
 
 def integers(text: bytes, expected: int) -> Ints | None:
-    """Parse blank-separated integers; None unless there are just as many as expected."""
-    return _parsed(text, expected, int)
+    """Parse blank-separated integers; None unless there are just as many as expected, and 64 bits hold each."""
+    values = _parsed(text, expected, int)
+    if values is not None and len(values) and (values.max() == _GREATEST or values.min() == ~_GREATEST):
+        return None  # cut to what 64 bits hold, and no longer what the file says
+    return values
 
 
 def _parsed(text: bytes, expected: int, kind: type) -> NDArray[Any] | None:
@@ -125,12 +130,16 @@ def _bad_number(rows: Sequence[Sequence[bytes]], line_numbers: Sequence[int] | I
 
 
 def bad_integer(rows: Sequence[bytes], line_numbers: Sequence[int] | Ints) -> UnreadableError:
-    """Return the error that names the first word of the rows that is no integer."""
+    """Return the error that names the first word of the rows that is no integer, or one beyond all bounds."""
     for row, line in zip(rows, line_numbers, strict=True):
         for word in row.split():
             if not re.fullmatch(rb"[+-]?\d+", word):
                 return UnreadableError(
                     f"Line {line}: {shown(word)} is not a vertex number. Export the mesh again."
+                )
+            if len(word.lstrip(b"+-0")) >= _NO_DIGITS:
+                return UnreadableError(
+                    f"Line {line}: a face names vertex {shown(word)}, and no mesh has so many. Export the mesh again."
                 )
     return UnreadableError(f"Line {line_numbers[0]} or below holds a face that cannot be read. Export again.")
 

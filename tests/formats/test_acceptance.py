@@ -274,6 +274,11 @@ def test_points_alone_are_no_surface(data: bytes):
         accept(data, "points.obj", (), LIMITS)
 
 
+def test_a_file_of_nothing_says_so_once():
+    with pytest.raises(UnreadableError, match=r"The file has no faces and no points\. Export"):
+        accept(bytes(84), "empty.stl", (), LIMITS)
+
+
 @settings(max_examples=25, deadline=None)
 @given(
     scale=st.sampled_from([1e-6, 1e-3, 1.0, 1e3, 1e6, 1e25]),

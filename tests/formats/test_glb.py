@@ -160,6 +160,8 @@ def test_strided_sparse_and_normalised_positions():
             "without compression",
         ),
         (changed(lambda d: d["bufferViews"][0].update(buffer=1)), "outside its own binary part"),
+        (changed(lambda d: d["buffers"][0].update(uri="cube.bin")), "outside its own binary part"),
+        (changed(lambda d: d["buffers"][0].update(uri="cube.bin"), b""), "outside its own binary part"),
         (
             changed(lambda d: d["bufferViews"][0].update(byteLength=95)),
             "claims 8 items of 12 bytes in view 0",

@@ -97,7 +97,7 @@ def test_a_file_longer_than_a_block_reads_as_one():
         (b"v 0 0 0\nf 1 x 1\n", "Line 2: 'x' is not a vertex number"),
         (b"v 0 0 0\nf 1.5 1 1\n", "Line 2: '1.5' is not a vertex number"),
         (b"f 1 2 3\n", "there are no vertices"),
-        (b"v 0 0 0\nf 1 1 99999999999999999999999\n", "a face names vertex"),
+        (b"v 0 0 0\nf 1 1 99999999999999999999999\n", "a face names vertex '99999999999999999999999', and"),
     ],
 )
 def test_bad_lines_are_named(data: bytes, words: str):

@@ -53,6 +53,8 @@ def test_variants_of_one_cube_read_alike(variant: bytes):
         (b"OFF\n3000000000 1 0\n0 0 0\n", "claims 3,000,000,000 vertices"),
         (b"OFF\n3 4000000000 0\n0 0 0\n", "claims 4,000,000,000 faces"),
         (b"OFF\n-1 -1 0\n", "claims -1 vertices"),
+        (b"OFF\n4 -4 6\n", "claims -4 faces, which cannot be"),
+        (b"OFF\n99999999999999999999 1 0\n", "claims 99,999,999,999,999,999,999 vertices"),
         (CUBE[:-12], "only 19 lines follow"),
         (
             CUBE.replace(b"3 0 2 3", b"3 0 2 8"),
@@ -62,6 +64,10 @@ def test_variants_of_one_cube_read_alike(variant: bytes):
         (CUBE.replace(b"3 0 2 3", b"4 0 2 3"), "Line 11: a face starts with the number of its corners"),
         (CUBE.replace(b"3 0 2 3", b"x 0 2 3"), "Line 11: a face starts with the number of its corners"),
         (CUBE.replace(b"3 0 2 3", b"3 0 2 x"), "Line 11: 'x' is not a vertex number"),
+        (
+            CUBE.replace(b"3 0 2 3", b"3 0 2 " + b"9" * 20),
+            f"Line 11: a face names vertex '{'9' * 20}', and no mesh",
+        ),
         (CUBE.replace(b"3 0 2 3", b"9" * 5000 + b" 0 2 3"), "Line 11"),
         (CUBE.replace(b"1.0 0.0 0.0", b"1.0 nan 0.0", 1), "Line 4: the coordinate 'nan'"),
     ],

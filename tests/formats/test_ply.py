@@ -139,6 +139,7 @@ def test_strips_alternate_begin_anew_and_turn_corners_without_area(encoding: str
         (BINARY[:-1], "claims 12 rows of face, but the file ends after 11"),
         (ASCII.replace(b"\n3 0 2 3", b"\n3 0 2 8"), "A face names vertex 8, but there are only vertices 0 … 7"),
         (ASCII.replace(b"\n3 0 2 3", b"\n3 0 2 -1"), "A face names vertex -1"),
+        (ASCII.replace(b"\n3 0 2 3", b"\n3 0 2 " + b"9" * 20), f"a face names vertex '{'9' * 20}', and no mesh has"),
         (ASCII.replace(b"\n3 0 2 3", b"\n3 0 2"), "the row does not hold what the header says"),
         (ASCII.replace(b"\n3 0 2 3", b"\n3 0 2 3 1"), "the row does not hold what the header says"),
         (ASCII.replace(b"\n3 0 2 3", b"\n-3 0 2 3"), "the row does not hold what the header says"),

@@ -78,9 +78,10 @@ class Accessors:
         self, index: object, offset: object, count: int, dtype: np.dtype[Any], width: int
     ) -> NDArray[Any]:
         view = item(self._description.get("bufferViews"), index, "bufferView")
-        if view.get("buffer") != 0:
+        if view.get("buffer") != 0 or self._elsewhere():
             raise UnreadableError(
-                "The GLB keeps data outside its own binary part. Export it with all data embedded."
+                "The GLB keeps data outside its own binary part, where nothing is read. Export it with all data "
+                "embedded."
             )
         start = natural(view.get("byteOffset", 0), "the offset of a view")
         length = natural(view.get("byteLength"), "the length of a view")
@@ -96,6 +97,12 @@ class Accessors:
         return np.ndarray(
             (count, width), dtype, self._binary, start + within, (stride, dtype.itemsize)
         ).copy()
+
+    def _elsewhere(self) -> bool:
+        """Whether the first buffer is another file, or text; only one without an address is the binary part."""
+        buffers = self._description.get("buffers")
+        first = buffers[0] if isinstance(buffers, list) and buffers else None
+        return isinstance(first, dict) and first.get("uri") is not None
 
     def _replaced(self, values: NDArray[Any], sparse: Mapping[str, Any]) -> NDArray[Any]:
         """Return values with the few rows replaced that a sparse accessor lists."""

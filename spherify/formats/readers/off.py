@@ -15,6 +15,7 @@ from spherify.formats.limits import ReadLimits
 from spherify.formats.raw import RawMesh, check_claim, check_counts, fans
 
 HEADER = re.compile(rb"(ST)?(C)?(N)?(4)?(n)?OFF(\s+BINARY)?(?=\s|$)")
+_COUNT = re.compile(rb"[+-]?\d{1,40}")
 _DIGITS = 10  # of a number of corners
 
 
@@ -37,14 +38,16 @@ def read_off(data: bytes, limits: ReadLimits) -> RawMesh:
     rest = rows[0][header.end() :].strip()
     body = 0 if rest else 1
     rows[0] = rest
-    counts = text.integers(b" ".join(rows[body].split()[:2]), 2) if len(rows) > body else None
-    if counts is None:
+    words = rows[body].split()[:2] if len(rows) > body else []
+    if len(words) != 2 or not all(map(_COUNT.fullmatch, words)):
         raise UnreadableError(
             "The OFF header lacks the numbers of vertices and faces. Export the mesh again."
         )
-    n_vertices, n_faces = map(int, counts)
-    check_claim(n_vertices, "vertices", 6, len(data))  # "0 0 0\n"
-    check_claim(n_faces, "faces", 2, len(data))  # "0\n"
+    n_vertices, n_faces = map(int, words)
+    claims = [(n_vertices, "vertices", 6), (n_faces, "faces", 2)]  # "0 0 0\n" and "0\n"
+    claims.sort(key=lambda claim: claim[0] >= 0)  # what cannot be is said first
+    for claimed, what, least_bytes in claims:
+        check_claim(claimed, what, least_bytes, len(data))
     check_counts(n_vertices, 0, limits)
     start, end = body + 1, body + 1 + n_vertices
     if len(rows) < end + n_faces:

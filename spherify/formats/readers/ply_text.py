@@ -13,6 +13,8 @@ from spherify.formats.readers.ply_header import Element, Header
 from spherify.formats.readers.ply_rows import cut_off, ranges
 from spherify.geometry.mesh import Floats, Ints
 
+_GREATEST = 2**53  # up to it float64 holds every integer
+
 
 @dataclass
 class TextRows:
@@ -81,7 +83,7 @@ class TextRows:
             at = at + 1 + counts
         _check_rows(at == ends, numbers, element)
         items = values[ranges(start, lengths)]
-        whole = items == np.floor(items)
+        whole = (items == np.floor(items)) & (np.abs(items) < _GREATEST)
         if not whole.all():
             row = int(np.searchsorted(np.cumsum(lengths), int(np.argmin(whole)), side="right"))
             raise text.bad_integer([rows[row]], [numbers[row]])
