@@ -19,6 +19,7 @@ from service.problems import (
     MEDIA_TYPE,
     FieldError,
     ProblemError,
+    clipped,
     invalid_many,
     problem_of,
     problem_of_status,
@@ -36,12 +37,17 @@ LINGER_S: Final = 2.0
 
 def problem_answer(request: Request, problem: ProblemError) -> Response:
     """Return the problem document as an answer to this request."""
-    document = problem.document(quote(request.scope["path"], errors="replace"), request.state.request_id)
+    document = problem.document(instance(request.scope["path"]), request.state.request_id)
     body = json.dumps(document, ensure_ascii=False, allow_nan=False).encode("utf-8", "replace")
     headers = {"Cache-Control": "no-store", **problem.all_headers}
     if _body_is_coming(request):
         return LastAnswer(body, problem.type.status, headers | {"Connection": "close"}, MEDIA_TYPE)
     return Response(body, problem.type.status, headers, MEDIA_TYPE)
+
+
+def instance(path: str) -> str:
+    """Return a path as the `instance` of a document: a reference that is in order, whatever was asked for."""
+    return quote(clipped(path), errors="replace")
 
 
 class LastAnswer(Response):
@@ -94,7 +100,9 @@ async def _framework(request: Request, error: Exception) -> Response:
         return problem_answer(
             request, problem_of_status(error.status_code, detail, {"Allow": ", ".join(allowed)})
         )
-    detail = error.detail if error.detail != "Not Found" else f"there is nothing at {request.url.path}"
+    detail = (
+        error.detail if error.detail != "Not Found" else f"there is nothing at {clipped(request.url.path)}"
+    )
     return problem_answer(request, problem_of_status(error.status_code, detail, headers))
 
 

@@ -16,7 +16,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from ulid import ULID
 
 from service.answers import problem_answer
-from service.problems import ProblemError, problem_of, problem_of_status
+from service.problems import ProblemError, clipped, problem_of, problem_of_status
 from spherify.jobs.errors import BlobNotFoundError
 from spherify.logs import current_request
 
@@ -76,7 +76,7 @@ class RequestContext:
         try:
             await self._app(inner, listen, answer)
         finally:
-            path = scope.get("raw_path", b"").decode("latin-1")
+            path = clipped(scope.get("raw_path", b"").decode("latin-1"))
             figures = {
                 "method": scope["method"],
                 "path": path,

@@ -160,6 +160,12 @@ PROBLEMS: Final[dict[str, ProblemType]] = {
             "Decimate it.",
         ),
         ProblemType(
+            "address-too-long",
+            414,
+            "The address is too long",
+            "No address of this service is nearly as long, with its query. What is long belongs in the body.",
+        ),
+        ProblemType(
             "unsupported-media-type",
             415,
             "The body is of the wrong kind",
@@ -237,6 +243,12 @@ PROBLEMS: Final[dict[str, ProblemType]] = {
             "The mesh has handles",
             "A surface with a handle cannot become a sphere. Close the handles, or send `allow=genus` to see what "
             "happens.",
+        ),
+        ProblemType(
+            "headers-too-large",
+            431,
+            "The headers are too large",
+            "Send fewer or shorter ones. A browser sends those of all ports of this host along: delete its cookies.",
         ),
         ProblemType(
             "rate-limited",

@@ -34,6 +34,7 @@ from spherify.stores.blobs import FULL
 
 MEDIA_TYPE: Final = "application/problem+json"
 MAX_ERRORS: Final = 100  # listed: a wrong request of a megabyte need not get an answer of ten
+MAX_PATH: Final = 200  # characters, for the same reason
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,6 +91,11 @@ class ProblemError(Exception):
             "errors": [dict(error) for error in self.errors],
             **self.extensions,
         }
+
+
+def clipped(path: str) -> str:
+    """Return a path as it is said back or logged: its beginning, where it is longer than any of ours."""
+    return path if len(path) <= MAX_PATH else path[:MAX_PATH] + "…"
 
 
 def invalid(pointer: str, code: str, detail: str) -> ProblemError:

@@ -15,6 +15,7 @@ import struct
 from collections.abc import Callable
 from http import HTTPStatus
 from typing import Any, Final
+from urllib.parse import unquote_to_bytes
 
 import h11
 import uvicorn
@@ -22,6 +23,8 @@ from starlette.types import Receive, Scope, Send
 from ulid import ULID
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
+from service.answers import LINGER_S, instance
+from service.middleware import REQUEST_ID
 from service.problems import MEDIA_TYPE, ProblemError
 from service.wire import Wire
 
@@ -46,6 +49,7 @@ class Protocol(H11Protocol):
         self.conn = Wire()
         self._headers_due: asyncio.TimerHandle | None = None
         self._answer_due: asyncio.TimerHandle | None = None
+        self._lingering: asyncio.TimerHandle | None = None
         self._app = self.app
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override] # as in uvicorn
@@ -55,6 +59,8 @@ class Protocol(H11Protocol):
 
     def data_received(self, data: bytes) -> None:
         """Take bytes in, and see whether they are within a request or begin one."""
+        if self._lingering is not None:
+            return
         self.app = self._app if len(self.connections) <= self.most_connections else self._crowded
         super().data_received(data)
         if self.conn.their_state is not h11.IDLE:
@@ -66,7 +72,15 @@ class Protocol(H11Protocol):
         """End."""
         self._cancel("_headers_due")
         self._cancel("_answer_due")
+        self._cancel("_lingering")
         super().connection_lost(exc)
+
+    def shutdown(self) -> None:
+        """End as soon as what is being answered is."""
+        if self._lingering is None:
+            super().shutdown()
+        else:
+            self.transport.close()
 
     def pause_writing(self) -> None:
         """Wait until the client has read, for a while."""
@@ -81,7 +95,7 @@ class Protocol(H11Protocol):
 
     def send_400_response(self, _: str) -> None:
         """Answer what is no HTTP."""
-        self._refuse(self.conn.refusal)
+        self._refuse(self.conn.refusal, self.conn.refused)
 
     def _answering(self) -> bool:
         return self.cycle is not None and not self.cycle.response_complete
@@ -99,22 +113,35 @@ class Protocol(H11Protocol):
         else:
             self.transport.close()  # it never asked anything
 
-    def _refuse(self, problem: ProblemError) -> None:
+    def _refuse(self, problem: ProblemError, path: bytes = b"") -> None:
         """Answer without the application, and close; nothing is put into the middle of another answer."""
         if self._answering() and self.cycle.response_started:
             self.transport.abort()
             return
-        document = json.dumps(problem.document("", f"req_{ULID()}")).encode()
+        request_id = f"req_{ULID()}"
+        place = instance(unquote_to_bytes(path).decode(errors="replace"))
+        document = json.dumps(problem.document(place, request_id))
         status = HTTPStatus(problem.type.status)
         head = [
             f"HTTP/1.1 {status.value} {status.phrase}",
             f"content-type: {MEDIA_TYPE}",
             f"content-length: {len(document)}",
             "cache-control: no-store",
+            f"{REQUEST_ID}: {request_id}",
             "connection: close",
         ]
-        self.transport.write("\r\n".join([*head, "", ""]).encode() + document)
-        self.transport.close()
+        self.transport.write("\r\n".join([*head, "", document]).encode())
+        self._linger()
+
+    def _linger(self) -> None:
+        """Say nothing more, and hear the client out for a moment: see `service.answers.LastAnswer`."""
+        self._cancel("_headers_due")
+        if self.cycle is not None:  # whoever works at its request has nobody to answer
+            self.cycle.disconnected = True
+            self.cycle.message_event.set()
+        self._lingering = self.loop.call_later(LINGER_S, self.transport.close)
+        self.flow.resume_reading()
+        self.transport.write_eof()
 
     async def _crowded(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Let the probes in, and refuse all others, in the application's own words."""

@@ -146,3 +146,37 @@ def test_a_request_with_two_lengths_is_refused_with_its_connection(url: str) -> 
         connection.sendall(b"POST /v1/jobs HTTP/1.1\r\nHost: x\r\n" + lengths + hidden)
         found = document(everything(connection), 400, "malformed-request")
     assert "not both" in str(found["detail"])
+
+
+@pytest.mark.parametrize("size", [10_000, 60_000, 500_000, 3_000_000])
+def test_an_address_that_is_too_long_is_said_to_be(url: str, size: int) -> None:
+    """However it is cut up on its way, and whatever of it is still coming when it is refused."""
+    with connect(url) as connection:
+        connection.sendall(b"GET /%s HTTP/1.1\r\nHost: x\r\n\r\n" % (b"a" * size))
+        answer = everything(connection)
+    found = document(answer, 414, "address-too-long")
+    assert found["instance"] == "/" + "a" * 199 + "%E2%80%A6"
+    assert f"X-Request-ID: {found['request_id']}".encode() in answer
+
+
+@pytest.mark.parametrize("size", [66_000, 500_000, 3_000_000])
+def test_headers_that_are_too_large_are_said_to_be(url: str, size: int) -> None:
+    with connect(url) as connection:
+        connection.sendall(b"GET /v1/jobs?limit=5 HTTP/1.1\r\nHost: x\r\nX: %s\r\n\r\n" % (b"a" * size))
+        found = document(everything(connection), 431, "headers-too-large")
+    assert found["instance"] == "/v1/jobs"
+
+
+def test_long_addresses_and_large_headers_that_are_not_too_long_are_served(url: str, stores: Stores) -> None:
+    answer = httpx.get(f"{url}/healthz?{'a' * 8000}", headers={"Cookie": "a" * 50_000})
+    assert answer.status_code == 200
+
+
+def test_a_refused_request_is_not_worked_at_any_more(url: str, stores: Stores) -> None:
+    """Its body breaks off in the middle: what was there of it goes, and the connection ends once it was heard out."""
+    with connect(url) as connection:
+        head = b"PUT /v1/meshes?name=a.obj HTTP/1.1\r\nHost: x\r\nTransfer-Encoding: chunked\r\n\r\n"
+        connection.sendall(head + b"5\r\nv 1 2\r\n")
+        connection.sendall(b"nonsense\r\n" + b"x" * 1_000_000)
+        document(everything(connection), 400, "malformed-request")
+    until(lambda: list(stores.blobs.scratch().iterdir()) == [])

@@ -168,6 +168,18 @@ def test_log_lines_cannot_be_forged(client: httpx.Client, lines: list[dict[str, 
     assert lines[0]["path"] == "/a%0d%0a%22,%22status%22:%22200"
 
 
+def test_little_of_a_long_address_is_said_back_or_logged(
+    client: httpx.Client, lines: list[dict[str, object]]
+) -> None:
+    answer = client.get("/" + "a" * 8000)
+    document = problem(answer, 404, "not-found")
+    assert document["instance"] == "/" + "a" * 199 + "%E2%80%A6"
+    assert len(answer.content) < 1000
+    until(lambda: len(lines) == 1)
+    assert lines[0]["path"] == "/" + "a" * 199 + "…"
+    assert len(str(lines[0])) < 1000
+
+
 @pytest.mark.parametrize("cause", ["DamagedBlobError", "JSONDecodeError"])
 def test_a_failure_of_ours_is_logged_with_its_trace(
     client: httpx.Client,
