@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any, Final
 
 import h11
@@ -13,6 +14,7 @@ MOST_TARGET: Final = 8 * 1024  # bytes of an address with its query; RFC 9112, 3
 MOST_HEAD: Final = (
     64 * 1024
 )  # bytes of a request before its body: pages on other ports of localhost share cookies
+_ABSOLUTE: Final = re.compile(rb"https?://([^/?]+)(.*)", re.IGNORECASE)
 TOO_LARGE: Final = ProblemError("headers-too-large", f"the headers have more than {MOST_HEAD} bytes")
 
 
@@ -46,11 +48,9 @@ class Wire(h11.Connection):
             else:
                 self.refusal = ProblemError("malformed-request", f"{MALFORMED}: {str(e)[:200]}")
             raise
-        if isinstance(event, h11.Request):
-            self._check(event)
-        return event
+        return self._checked(event) if isinstance(event, h11.Request) else event
 
-    def _check(self, request: h11.Request) -> None:
+    def _checked(self, request: h11.Request) -> h11.Request:
         size = len(request.target) + sum(len(name) + len(value) + 4 for name, value in request.headers)
         names = {name for name, _ in request.headers}
         if len(request.target) > MOST_TARGET or size > MOST_HEAD:
@@ -61,7 +61,7 @@ class Wire(h11.Connection):
             detail = f"{MALFORMED}: a request has Content-Length or Transfer-Encoding, not both"
             self.refusal = ProblemError("malformed-request", detail)
         else:
-            return
+            return _in_origin_form(request)
         raise h11.RemoteProtocolError(self.refusal.detail)
 
     def _refuse_size(self, target: bytes) -> None:
@@ -72,6 +72,20 @@ class Wire(h11.Connection):
             )
         else:
             self.refusal = TOO_LARGE
+
+
+def _in_origin_form(request: h11.Request) -> h11.Request:
+    """Return a request as if it had been sent to us, and not by way of a proxy (RFC 9112, 3.2.2)."""
+    absolute = _ABSOLUTE.fullmatch(request.target)
+    if absolute is None:
+        return request
+    headers = [(name, value) for name, value in request.headers if name != b"host"]
+    return h11.Request(
+        method=request.method,
+        target=absolute[2] if absolute[2].startswith(b"/") else b"/" + absolute[2],
+        headers=[(b"host", absolute[1]), *headers],  # whatever `Host` says
+        http_version=request.http_version,
+    )
 
 
 def _target(head: bytes) -> bytes:

@@ -180,3 +180,26 @@ def test_a_refused_request_is_not_worked_at_any_more(url: str, stores: Stores) -
         connection.sendall(b"nonsense\r\n" + b"x" * 1_000_000)
         document(everything(connection), 400, "malformed-request")
     until(lambda: list(stores.blobs.scratch().iterdir()) == [])
+
+
+@pytest.mark.parametrize(
+    ("target", "path"),
+    [
+        ("http://evil.example/v1/nothing?limit=1", "/v1/nothing"),
+        ("HTTPS://evil.example:443/v1/nothing", "/v1/nothing"),
+        ("http://evil.example?limit=1", "/"),
+        ("http://evil.example", "/"),
+        ("http:/v1/nothing", "http%3A/v1/nothing"),
+    ],
+)
+def test_an_address_with_its_host_is_taken_as_a_proxy_sends_it(url: str, target: str, path: str) -> None:
+    with connect(url) as connection:
+        connection.sendall(f"POST {target} HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n".encode())
+        body = everything(connection).partition(b"\r\n\r\n")[2]
+    assert json.loads(body)["instance"] == path
+
+
+def test_the_name_in_an_address_is_the_one_that_counts(settings: Settings, stores: Stores) -> None:
+    with serve(settings, stores, loopback="127.0.0.1") as url, connect(url) as connection:
+        connection.sendall(b"GET http://evil.example/v1/jobs HTTP/1.1\r\nHost: localhost\r\nX: y\r\n\r\n")
+        assert connection.recv(65536).startswith(b"HTTP/1.1 421 ")
