@@ -95,7 +95,7 @@ class _Reader:
         if name == FILE_FIELD:
             if self.filename is not None:
                 raise invalid("form/file", "repeated", "one file at a time")
-            self.filename = _text(filename) if filename is not None else ""
+            self.filename = _file_name(filename) if filename is not None else ""
         elif filename is not None:
             raise invalid(
                 f"form/{name[:80]}", "unexpected-file", f"the file goes in the field `{FILE_FIELD}`"
@@ -160,6 +160,11 @@ async def multipart(request: Request, blobs: BlobStore, settings: Settings) -> A
 
 def _text(value: bytes) -> str:
     return value.decode("utf-8", "replace")
+
+
+def _file_name(value: bytes) -> str:
+    """Return a name as it was before browsers and curl wrote it into a form (WHATWG HTML, 4.10.22.8)."""
+    return _text(value).replace("%22", '"').replace("%0D", "\r").replace("%0A", "\n")
 
 
 def _malformed(detail: str) -> ProblemError:

@@ -169,7 +169,8 @@ PROBLEMS: Final[dict[str, ProblemType]] = {
             "unsupported-media-type",
             415,
             "The body is of the wrong kind",
-            "Send `multipart/form-data` or `application/json`, as the description of the operation says.",
+            "Send `multipart/form-data` or `application/json`, as the description of the operation says, and no "
+            "`Content-Encoding`: compressed bodies are not read.",
         ),
         ProblemType(
             "unsupported-mesh-format",

@@ -10,7 +10,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, Final
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
 
 from service.problems import FieldError, ProblemError, invalid, invalid_many, invalid_model
 from service.repeats import Identity
@@ -111,12 +111,13 @@ class JobRequest(BaseModel):
         ),
     ] = None
     name: Annotated[
-        str | None,
+        Annotated[
+            str,
+            StringConstraints(strip_whitespace=True, min_length=1, max_length=MAX_NAME, pattern=PRINTABLE),
+        ]
+        | None,
         Field(
-            min_length=1,
-            max_length=MAX_NAME,
-            pattern=PRINTABLE,
-            description="Name of the job and of its downloads; the mesh's name by default.",
+            description="Name of the job and of its downloads, blanks around it left out; the mesh's name by default."
         ),
     ] = None
     tags: Annotated[

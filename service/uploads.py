@@ -118,10 +118,11 @@ async def body(request: Request, limit: int, idle_s: float) -> AsyncIterator[byt
     """Yield the body piece by piece, cut off where it grows too large or too slow.
 
     Raises:
-        ProblemError: upload-too-large, request-timeout, digest-mismatch.
+        ProblemError: unsupported-media-type (it is compressed), upload-too-large, request-timeout, digest-mismatch.
         starlette.requests.ClientDisconnect: the client hung up.
 
     """
+    _check_coding(request)
     check_length(request, limit)
     announced = _announced_digest(request)
     digest = hashlib.sha256()
@@ -208,6 +209,16 @@ def _announced_digest(request: Request) -> bytes | None:
         return None if found is None else base64.b64decode(found[1], validate=True)
     except binascii.Error:
         return b""  # of nothing: what is announced and cannot be read is wrong
+
+
+def _check_coding(request: Request) -> None:
+    coding = request.headers.get("content-encoding", "").strip().lower()
+    if coding not in {"", "identity"}:
+        raise ProblemError(
+            "unsupported-media-type",
+            f"the body is in the coding {coding[:40]!r}, and none is undone here: send it as it is",
+            headers={"Accept-Encoding": "identity"},  # RFC 9110, 15.5.16
+        )
 
 
 def _too_large(limit: int, what: str) -> ProblemError:

@@ -35,7 +35,7 @@ _UPLOADED = doc.problems(
     *doc.UPLOAD,
     *doc.STORES,
 )
-_UPLOADED_RAW = doc.problems("invalid-parameters", *doc.UPLOAD, *doc.STORES)
+_UPLOADED_RAW = doc.problems("unsupported-media-type", "invalid-parameters", *doc.UPLOAD, *doc.STORES)
 
 
 def _answer(request: Request, record: MeshRecord, new: bool) -> Response:

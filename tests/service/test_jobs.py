@@ -47,7 +47,7 @@ def test_json_names_a_mesh_that_is_known(client: httpx.Client, known: str) -> No
         "parameters": {"step": 0.01, "annealing": {"patience": 5, "factor": 0.5, "min_step": 1e-3}},
         "iterations": 40,
         "snapshots": [10, 20],
-        "name": "второй",
+        "name": " второй ",
         "tags": ["a", "b", "a"],
     }
     job = client.post("/v1/jobs", json=request).json()
@@ -107,6 +107,7 @@ def test_every_parameter_may_be_a_field_of_its_own(client: httpx.Client, known: 
         ({"snapshots": [99_999]}, "#/snapshots"),
         ({"name": "a\r\nSet-Cookie: b"}, "#/name"),
         ({"name": ""}, "#/name"),
+        ({"name": " \u00a0 "}, "#/name"),
         ({"name": "x" * 121}, "#/name"),
         ({"tags": ["two words"]}, "#/tags/0"),
         ({"file": "x"}, "#/file"),
@@ -174,6 +175,15 @@ def test_a_large_wrong_request_gets_a_small_answer(
     answer = client.post("/v1/jobs", json=request_body)
     problem(answer, 422, "invalid-parameters")
     assert len(answer.content) < 30_000
+
+
+@pytest.mark.parametrize(("sent", "name"), [('a"b.obj', "a_b"), ("a%41\n.obj", "a_41_"), ("два.obj", "два")])
+def test_a_job_is_called_like_the_file_and_not_like_its_name_in_a_form(
+    client: httpx.Client, known: str, sent: str, name: str
+) -> None:
+    """Whoever builds a form writes a quotation mark as %22, and so on."""
+    answer = client.post("/v1/jobs", files={"file": (sent, OCTAHEDRON)})
+    assert answer.json()["name"] == name
 
 
 def test_a_misspelt_name_is_told_where_the_right_ones_are(client: httpx.Client, known: str) -> None:

@@ -200,3 +200,18 @@ def test_odd_parts_are_named(client: httpx.Client, stores: Stores, part: bytes, 
 def test_other_kinds_of_bodies_are_refused(client: httpx.Client, path: str, kind: str | None) -> None:
     headers = {} if kind is None else {"Content-Type": kind.encode("latin-1")}
     problem(client.post(path, content=b"x", headers=headers), 415, "unsupported-media-type")
+
+
+@pytest.mark.parametrize("coding", ["gzip", "identity, BR", "x-gzip"])
+def test_a_compressed_body_is_refused_as_such(client: httpx.Client, known: str, coding: str) -> None:
+    """And not as a mesh or JSON that cannot be read."""
+    headers = {"Content-Encoding": coding}
+    for answer in (
+        client.put("/v1/meshes?name=o.obj", content=b"\x1f\x8b", headers=headers),
+        client.post("/v1/jobs", files={"file": ("o.obj", OCTAHEDRON)}, headers=headers),
+        client.post("/v1/jobs", content=b"\x1f", headers=headers | {"Content-Type": "application/json"}),
+    ):
+        assert coding.lower() in str(problem(answer, 415, "unsupported-media-type")["detail"])
+        assert answer.headers["accept-encoding"] == "identity"
+    plain = client.post("/v1/jobs", json={"mesh_id": known}, headers={"Content-Encoding": "identity"})
+    assert plain.status_code == 201
