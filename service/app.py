@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import socket
 from collections.abc import AsyncIterator, Callable
@@ -25,9 +26,11 @@ from service.routes import arrays, continuations, events, jobs, meshes, pages, s
 from service.site import Site
 from service.stopping import on_stop
 from spherify import __version__
-from spherify.settings import Settings
+from spherify.settings import Settings, unknown_variables
 from spherify.stores.connect import open_stores
 from spherify.stores.reconciler import ReconcilerThread
+
+log = logging.getLogger(__name__)
 
 
 def create_app(
@@ -45,6 +48,8 @@ def create_app(
     if settings is None:  # started as a program of its own
         set_up_logs()
         settings = Settings()
+        for sentence in unknown_variables(os.environ):
+            log.warning(sentence)
     reconciler = (
         None if stores else ReconcilerThread(settings, name=f"api@{socket.gethostname()}/{os.getpid()}")
     )

@@ -5,6 +5,8 @@ Names are upper case with the prefix ``SPHERIFY_``; ``REDIS_URL`` goes without i
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Literal
 from urllib.parse import urlsplit
@@ -13,13 +15,15 @@ from pydantic import AliasChoices, Field, field_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 MIB = 1024 * 1024
+PREFIX = "SPHERIFY_"
+_NOT_OURS = {"SPHERIFY_REDIS_URL", "SPHERIFY_URL"}  # another name, and where the commands find a service
 
 
 class Settings(BaseSettings):
     """The configuration of one process, read from the environment."""
 
     model_config = SettingsConfigDict(
-        env_prefix="SPHERIFY_",
+        env_prefix=PREFIX,
         extra="ignore",
         frozen=True,
         populate_by_name=True,
@@ -138,3 +142,15 @@ def _is_server(url: str) -> bool:
     except ValueError:
         return False
     return parts.scheme in {"redis", "rediss", "unix"}
+
+
+def unknown_variables(environment: Mapping[str, str]) -> list[str]:
+    """Return a sentence on each variable that looks like a setting and is none: it may be misspelt."""
+    known = {f"{PREFIX}{name.upper()}" for name in Settings.model_fields} | _NOT_OURS
+    found = sorted(name for name in environment if name.startswith(PREFIX) and name not in known)
+    return [f"{name} is no setting, and does nothing{_meant(name, known)}" for name in found]
+
+
+def _meant(name: str, known: Collection[str]) -> str:
+    alike = get_close_matches(name, known, n=1, cutoff=0.8)
+    return f": is {alike[0]} meant?" if alike else ""

@@ -28,7 +28,7 @@ from typing import Any, Final, NoReturn
 from celery import signals
 from celery.worker import state
 
-from spherify.settings import Settings
+from spherify.settings import Settings, unknown_variables
 from spherify.stores.connect import Stores, open_stores
 from spherify.stores.reconciler import ReconcilerThread
 from spherify.stores.tether import die_with_parent
@@ -114,6 +114,8 @@ def _stores() -> Stores:
 
 def _set_up_logging(**_: Any) -> None:  # noqa: ANN401 (what Celery sends along)
     logs.set_up()
+    for sentence in unknown_variables(os.environ):
+        log.warning(sentence)
 
 
 def _begin(sender: Any, **_: Any) -> None:  # noqa: ANN401 (Celery's consumer)

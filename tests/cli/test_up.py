@@ -173,11 +173,14 @@ def test_data_is_kept_between_runs_and_nothing_is_left_behind(tmp_path: Path, me
 
 
 def test_a_server_of_ones_own_is_used_and_left_alone(tmp_path: Path, server: EmbeddedServer) -> None:
-    environment = {"REDIS_URL": server.url}
+    environment = {"REDIS_URL": server.url, "SPHERIFY_MAX_UPLOAD_BYTE": "1"}
     with running(
         "up", "--no-gallery", "--port", "0", "--data", "data", cwd=tmp_path, environment=environment
     ) as command:
         assert ready(command.url())
+        for name in ("api     ", "worker-1"):
+            misspelt = rf"^{name} │ .*MAX_UPLOAD_BYTE is no setting.*is SPHERIFY_MAX_UPLOAD_BYTES meant\?"
+            wait_for(lambda told=misspelt: re.search(told, command.text, re.MULTILINE))
         assert not command.children(SERVER)
         family = command.family()
         assert command.end(signal.SIGTERM) == 0
