@@ -267,3 +267,28 @@ def test_a_run_is_cancelled_fetched_and_deleted_from_the_list(
         Path(download.value.path()).read_bytes()
         == api.http.get(f"/v1/jobs/{brief}/snapshots/final.ply").content
     )
+
+
+PLAYED = """new Promise((ended) => {
+  const seen = new Set();
+  const look = () => {
+    seen.add(document.querySelector('.status .at').textContent);
+    if (document.querySelector('[aria-label=Pause]')) requestAnimationFrame(look);
+    else ended([...seen]);
+  };
+  document.querySelector('[aria-label=Play]').click();
+  requestAnimationFrame(() => requestAnimationFrame(look));
+})"""
+
+
+def test_figures_follow_while_it_plays(page: Page, stack: Stack, run: str) -> None:
+    page.goto(f"{stack.url}/?job={run}&it=0&color=curvature")
+    settled(page)
+    states = page.locator(".track path.mark").get_attribute("d") or ""
+    for _ in range(states.count("M")):  # all are here then, and no news of theirs comes in between
+        page.keyboard.press("ArrowRight")
+        settled(page)
+    for _ in range(2):
+        page.keyboard.press("]")
+    said = page.evaluate(PLAYED)
+    assert len(said) > 8, said

@@ -52,8 +52,12 @@ def test_what_cannot_be_read_is_said_in_the_services_words(
     nothing = {"name": "nothing.obj", "mimeType": "model/obj", "buffer": b"v 0 0 0\nv 1 0 0\nv 0 1 0\n"}
     page.locator("input[type=file]").set_input_files(nothing)
     expect(page.get_by_role("alert")).to_contain_text("The file has no faces")
+    expect(page.get_by_role("alert")).to_contain_text("nothing.obj")
     expect(page.locator(".note")).to_contain_text("No preview")
     expect(page.get_by_role("button", name="Turn upright")).to_have_count(0)  # there is nothing to turn
+    box = {"name": "box.obj", "mimeType": "model/obj", "buffer": BOX_WITHOUT_A_LID}
+    page.locator("input[type=file]").set_input_files(box)  # another one, from here
+    expect(page.get_by_label("Why it was refused")).to_contain_text("4 edges have one face only")
 
 
 def test_the_same_bytes_under_another_name_have_that_name_here(

@@ -86,3 +86,16 @@ it('says how a run ended', () => {
   expect(reason({ ...job, stop_reason: 'converged' })).toBe('round enough');
   expect(reason(job)).toBe('');
 });
+
+it('is said of what stalled whether it is a sphere', () => {
+  const stalled = (inward_faces: number, radius_variation: number): string =>
+    reason({
+      ...job,
+      stop_reason: 'stalled',
+      parameters: { ...job.parameters, stop_radius_variation: 1e-3 },
+      metrics: { inward_faces, radius_variation } as Job['metrics'],
+    });
+  expect(stalled(0, 3.6e-4)).toBe('round, and nothing gets better any more');
+  expect(stalled(2, 3.6e-4)).toBe('nothing gets better any more');
+  expect(stalled(0, 0.02)).toBe('nothing gets better any more');
+});

@@ -87,10 +87,12 @@ export function figuresAt(rows: readonly Row[], iteration: number): Row | null {
   return rows[low - 1] ?? rows[0] ?? null;
 }
 
+const STALLED = 'nothing gets better any more';
+
 const REASONS: Readonly<Record<string, string>> = {
   iterations: 'all iterations done',
   converged: 'round enough',
-  stalled: 'nothing gets better any more',
+  stalled: STALLED,
   'constant-curvature': 'the curvature is the same everywhere',
   deadline: 'time was up',
   collapsed: 'the surface collapsed',
@@ -99,7 +101,14 @@ const REASONS: Readonly<Record<string, string>> = {
 
 /** Say in a few words how the mathematics ended. */
 export function reason(job: Job): string {
-  return job.stop_reason === null ? '' : (REASONS[job.stop_reason] ?? job.stop_reason);
+  if (job.stop_reason === null) return '';
+  if (job.stop_reason === 'stalled' && isRound(job)) return `round, and ${STALLED}`;
+  return REASONS[job.stop_reason] ?? job.stop_reason;
+}
+
+/** Whether the end is as round as would have counted as converged: what stalls may be a sphere all the same. */
+function isRound({ metrics, parameters }: Job): boolean {
+  return metrics?.inward_faces === 0 && (metrics.radius_variation ?? 1) < parameters.stop_radius_variation;
 }
 
 export const STATUS_WORDS: Readonly<Record<Job['status'], string>> = {

@@ -1,6 +1,7 @@
 import { html, nothing, type TemplateResult } from 'lit-html';
 import type { Problem } from '../api/problem';
 import { capital } from '../core/format';
+import { broken } from './broken';
 import { icon } from './icons';
 
 /** A link to the first page, which the page follows by itself. */
@@ -8,15 +9,17 @@ export function wayHome(): TemplateResult {
   return html`<a class="plain" href="/">To the first page</a>`;
 }
 
-/** What went wrong, in the service's own words, and a way on: trying it again, or another page. */
+/** What went wrong, in the service's own words, with what, and a way on: trying it again, or another page. */
 export function problemCard(
   problem: Problem,
   again: (() => void) | null,
   back: TemplateResult | typeof nothing = nothing,
+  about = '',
 ): TemplateResult {
   const known = !problem.unreachable && problem.slug !== 'unknown' && problem.slug !== 'page';
   return html`<section class="card refusal" role="alert">
     <h2>${icon('warn')} ${problem.title}</h2>
+    ${about ? html`<p><b>${broken(about)}</b></p>` : nothing}
     <p>${capital(problem.detail)}</p>
     ${
       problem.defects.length > 1

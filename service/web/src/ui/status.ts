@@ -18,7 +18,7 @@ export function statusCard(
   at: number,
   connection: Connection,
 ): TemplateResult {
-  const row = figuresAt(rows, at);
+  const row = figuresAt(rows, Math.round(at));
   return html`<section class="card status" aria-label="Status">
     <header>
       <h2>${broken(job.name)}</h2>

@@ -119,7 +119,7 @@ export class CompareView implements View {
 
   private pane(stage: Stage, index: number): TemplateResult {
     const { run } = stage;
-    const row = figuresAt(run.state?.rows ?? [], stage.at);
+    const row = figuresAt(run.state?.rows ?? [], Math.round(stage.at));
     if (!run.state && run.problem)
       return html`<section class="pane middle">${problemCard(run.problem, null, wayHome())}</section>`;
     return html`<section class="pane" aria-label=${index === 0 ? 'Left' : 'Right'}>

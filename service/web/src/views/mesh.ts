@@ -4,6 +4,7 @@ import type { Job, Mesh } from '../api/types';
 import { bytes, count } from '../core/format';
 import { PLAIN, type Up } from '../core/route';
 import type { Drawable } from '../mesh/tasks';
+import { dropZone } from '../ui/dropzone';
 import { icon } from '../ui/icons';
 import { problemCard, wayHome } from '../ui/problem';
 import { refusal, reportCard } from '../ui/report';
@@ -114,7 +115,9 @@ export class MeshView implements View {
       if (this.source instanceof File) void this.send(this.source, []);
       else void this.load(this.source);
     };
-    return problemCard(problem, problem.passing ? again : null, wayHome()); // the same file is as bad again
+    // the same file is as bad again, but there may be another one
+    return html`${problemCard(problem, problem.passing ? again : null, wayHome(), this.name)}
+    ${this.source instanceof File ? dropZone(this.context) : nothing}`;
   }
 
   private waiting(): TemplateResult {

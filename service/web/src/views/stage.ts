@@ -17,6 +17,8 @@ import { upOf } from './up';
 const GLIDE_S = 0.5;
 const AHEAD = 2;
 const RETRY_MS = 1500;
+/** While it plays, figures and legend follow the picture at some distance: each time costs more than a frame. */
+const TELL_MS = 100;
 
 /** A state that is here, with the range of what it is coloured by. */
 interface Coloured extends Shown {
@@ -51,6 +53,7 @@ export class Stage extends Emitter {
   private readonly glide = new Glide();
   private tick = 0;
   private last = 0;
+  private told = 0;
   private closed = false;
   private retry: ReturnType<typeof setTimeout> | undefined;
 
@@ -267,8 +270,14 @@ export class Stage extends Emitter {
       this.at = Math.min(this.player.advance(this.at, seconds, this.scale), this.states.at(-1) ?? 0);
     }
     this.update();
-    if (this.arrived() || this.player.playing) this.tick = requestAnimationFrame(this.move);
-    else this.rest();
+    if (!this.arrived() && !this.player.playing) {
+      this.rest();
+      return;
+    }
+    this.tick = requestAnimationFrame(this.move);
+    if (now - this.told < TELL_MS) return;
+    this.told = now;
+    this.changed();
   };
 
   /** The movement is over; there may be a newer state by now. */
