@@ -148,7 +148,7 @@ class JobOut(Answer):
     )
     stop_reason: str | None = Field(
         description="How the mathematics ended: iterations, converged, stalled, constant-curvature, collapsed, "
-        "cancelled or deadline."
+        "cancelled or deadline. How round the result is, `metrics` says: a sphere may be the end of any of them."
     )
     stop_detail: str | None
     best_iteration: int | None = Field(description="Kept state of the highest sphericity.")

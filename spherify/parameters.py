@@ -54,7 +54,8 @@ class AnnealingParameters(_Strict):
     patience: Annotated[int, Field(ge=1, le=MAX_ITERATIONS, title="Iterations without progress")]
     factor: Annotated[float, Field(gt=0, lt=1, title="Factor")]
     min_step: Annotated[
-        float, Field(gt=0, title="Least step", description="Below it the run ends as `stalled`.")
+        float,
+        Field(gt=0, title="Least step", description="Below it the run ends as `stalled`, round or not."),
     ]
 
 
@@ -119,7 +120,8 @@ class _Shared(_Strict):
         Field(
             ge=0,
             title="Round enough",
-            description="The run ends as `converged` below this radius variation, unless faces look inward; 0 is off.",
+            description="Below this radius variation the run ends as `converged`, once no face looks inward or has "
+            "vanished, and it does not get rounder by what it began on the sphere; 0 is off.",
         ),
     ]
     boundary: Annotated[

@@ -93,7 +93,7 @@ it('is said of what stalled whether it is a sphere', () => {
       ...job,
       stop_reason: 'stalled',
       parameters: { ...job.parameters, stop_radius_variation: 1e-3 },
-      metrics: { inward_faces, radius_variation } as Job['metrics'],
+      metrics: { inward_faces, radius_variation },
     });
   expect(stalled(0, 3.6e-4)).toBe('round, and nothing gets better any more');
   expect(stalled(2, 3.6e-4)).toBe('nothing gets better any more');
