@@ -15,7 +15,7 @@ LIBRARIES = {
     "numpy": ("spherify", "worker"),
     "numba": ("spherify.geometry.kernels",),
     "llvmlite": ("spherify.geometry.kernels.passes",),  # numba's own
-    "scipy": ("spherify.geometry.kernels", "spherify.geometry.methods.sparse"),
+    "scipy": ("spherify.geometry.kernels", "spherify.geometry.sparse"),
     "trimesh": ("spherify.formats",),
     "redis": ("spherify.stores",),
     "obstore": ("spherify.stores.s3_client", "spherify.stores.s3_blobs"),
@@ -92,7 +92,7 @@ def test_the_mathematics_needs_numpy_and_nothing_else() -> None:
         if within(module, "spherify.geometry")
         if not any(
             within(module, f"spherify.geometry.{part}")
-            for part in ("kernels.compiled", "kernels.numbering", "kernels.passes", "methods.sparse")
+            for part in ("kernels.compiled", "kernels.numbering", "kernels.passes", "sparse")
         )
         for _, name in imports(path)
         if not is_standard(name) and not within(name, "spherify.geometry")

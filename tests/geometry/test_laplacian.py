@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from spherify.geometry import measures
+from spherify.geometry.laplacian import cotangents, edge_weights, lumped_masses, stiffness_diagonal
 from spherify.geometry.mesh import TriangleMesh
-from spherify.geometry.methods.laplacian import cotangents, edge_weights, lumped_masses, stiffness_diagonal
-from spherify.geometry.methods.sparse import SymmetricSolver
 from spherify.geometry.samples.solids import icosphere
+from spherify.geometry.sparse import SymmetricSolver
 from spherify.geometry.topology import Topology
 from tests.geometry.shapes import ROUNDING, open_bump, sample, small_samples
 

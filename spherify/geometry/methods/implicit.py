@@ -17,13 +17,13 @@ import numpy as np
 
 from spherify.geometry import measures
 from spherify.geometry.config import ImplicitFlowConfig
+from spherify.geometry.laplacian import edge_weights, lumped_masses, stiffness_diagonal
 from spherify.geometry.mesh import Floats, Ints
 from spherify.geometry.methods.interface import Breakdown, Step
-from spherify.geometry.methods.laplacian import edge_weights, lumped_masses, stiffness_diagonal
-from spherify.geometry.methods.sparse import SOLVER, SymmetricSolver
 from spherify.geometry.metrics import Figures, figures_of
 from spherify.geometry.progress import Layout, Memory, Progress
 from spherify.geometry.roundness import Shape, shape_of
+from spherify.geometry.sparse import SOLVER, SymmetricSolver
 from spherify.geometry.topology import Topology
 
 PLATEAU_RISE: Final = 1e-4  # a smaller rise of the best sphericity counts as none

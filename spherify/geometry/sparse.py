@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Final
 
 import numpy as np
@@ -34,15 +35,19 @@ class SymmetricSolver:
         self._arrange(edges)
 
     def solve(self, diagonal: Floats, off_diagonal: Floats, B: Floats) -> Floats | None:
-        """Return X (n, k) of A X = B.
+        """Return X (n, k) of A X = B, with the right sides B (n, k); otherwise as `factorised`."""
+        factors = self.factorised(diagonal, off_diagonal)
+        return None if factors is None else factors(B)
+
+    def factorised(self, diagonal: Floats, off_diagonal: Floats) -> Callable[[Floats], Floats] | None:
+        """Return what solves A X = B for X (n, k) by B (n, k).
 
         Args:
             diagonal: (n,) A_ii.
             off_diagonal: (e,) A_ij = A_ji of each edge.
-            B: (n, k) right sides.
 
         Returns:
-            the solution; None if A is singular or has an entry that is not finite.
+            the solver; None if A is singular or has an entry that is not finite.
 
         """
         if not (np.isfinite(diagonal).all() and np.isfinite(off_diagonal).all()):
@@ -51,8 +56,12 @@ class SymmetricSolver:
             factors = splu(self._matrix(diagonal, off_diagonal), permc_spec="NATURAL", **_SYMMETRIC)
         except RuntimeError:  # what SuperLU says of a singular matrix
             return None
-        X: Floats = factors.solve(np.asfortranarray(B[self._order]))[self._place]
-        return X
+
+        def solve(B: Floats) -> Floats:
+            X: Floats = factors.solve(np.asfortranarray(B[self._order]))[self._place]
+            return X
+
+        return solve
 
     def _arrange(self, edges: Ints) -> None:
         """Lay out the columns of the matrix in the present order, and note where each entry goes."""
