@@ -4,43 +4,57 @@ What `spherify.geometry.ascent` and T along the radii end at is where steps by t
 for directions and the other for radii. On few and uneven triangles there is more to be had. With the positions p from
 the centre, u = p / |p| and all of that module's names, the energy
 
-    E = log A - ⅔ log V - LOWER · 4π/m² · Σ log det(u_a, u_b, u_c)
+    E = log A - ⅔ log V - BARRIER · 4π/m² · Σ log det(u_a, u_b, u_c)
 
-falls in all three coordinates of each vertex, with a tenth of the barrier, by the method of Nocedal, "Updating
-quasi-Newton matrices with limited storage", 1980. It begins each step with the diagonal of that module for what is
-tangential, and for what is radial with Σ |r - q|²/(4·area)/A, how much the area grows as a vertex leaves its plane.
+falls in all three coordinates of each vertex, with a tenth of the barrier there, by the method of Nocedal, "Updating
+quasi-Newton matrices with limited storage", 1980. What is left in it of a limb is a spot of tiny triangles, which have
+to grow together: steps by the diagonal take thousands for that, each vertex waiting for the others. So a step begins
+with the Hessian of an energy that is quadratic and near by no less than E, the volume apart: the area is at most the
+Dirichlet energy by the cotangents of the triangles (Pinkall and Polthier, "Computing discrete minimal surfaces and
+their conjugates", 1993), and -log a of a triangle of area a bends at most as its Dirichlet energy over a does. Both
+together are one Laplacian, for which each triangle has the weights ½ cot (1/A + STIFFENED · BARRIER · 4π/m²/a); it is
+the same for all three coordinates, and factorised now and then. As in Kovalsky, Galun and Lipman, "Accelerated
+quadratic proxy for geometric optimization", 2016, whose Laplacian stays that of the start.
+
 Moves are halved until E falls, and no triangle passes the barrier: whatever looks outward from the centre still does.
-All of it but that method is ours.
+The energy and its Laplacian are ours.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from spherify.geometry import measures
+from spherify.geometry.laplacian import cotangents
 from spherify.geometry.mesh import Floats, Ints
 
 LOWER: Final = 0.03  # of the barrier; less leaves triangles of less area, and is no rounder
+STIFFENED: Final = (
+    2.0  # as much of the barrier in the Laplacian; on long triangles a step goes further than near by
+)
 STEPS: Final = 200  # in an iteration, at most: what is remembered of them does not outlive it
 FEWEST: Final = 8
-WORK: Final = (
-    400_000  # steps times vertices of an iteration, about a second: a run is heard and cancelled between two
-)
-REMEMBERED: Final = 15
+WORK: Final = 600_000  # steps times vertices of an iteration, a third of a second: it is heard between two
+MOST: Final = 200_000  # vertices; of more, the factors would take more memory than all the rest
+REFRESHED: Final = 30  # steps, after which the Laplacian is made anew
+REMEMBERED: Final = 20  # moves
 HALVINGS: Final = 30
 FALLS: Final = 1e-4  # share of the fall that the slope promises, which is enough
-FIRST: Final = 0.1  # of a step by the diagonal, before anything is remembered
+ANCHORED: Final = 1e-6  # of its diagonal, added to the Laplacian, which else would be singular
 
 
-class _Energy(NamedTuple):
-    """E at some positions; gradient (n, 3) and the diagonals (n, 1) of its Hessian."""
+class Energy(NamedTuple):
+    """E at some positions, and its gradient (n, 3)."""
 
     value: float
     gradient: Floats
-    tangential: Floats
-    radial: Floats
+
+
+Energies = Callable[[Ints, float], Callable[[Floats], Energy | None]]
+"""Makes, of faces (m, 3) and a barrier, what returns E at positions (n, 3) from the centre; None beyond the barrier."""
 
 
 def steps_of(n: int) -> int:
@@ -48,10 +62,52 @@ def steps_of(n: int) -> int:
     return min(max(WORK // n, FEWEST), STEPS)
 
 
+def energies(F: Ints, barrier: float) -> Callable[[Floats], Energy | None]:
+    """See `Energies`."""
+    m = len(F)
+    share = barrier * 4 * np.pi / m**2
+
+    def energy(P: Floats) -> Energy | None:
+        n = len(P)
+        radii = measures.norm(P)[:, None]
+        U = P / radii
+        corners = [measures.gather(P, F[:, k]) for k in range(3)]
+        directions = [measures.gather(U, F[:, k]) for k in range(3)]
+        vectors = 0.5 * measures.cross(corners[1] - corners[0], corners[2] - corners[0])
+        areas = measures.norm(vectors)
+        area, volume = float(areas.sum()), float(measures.dot(vectors, corners[0]).sum()) / 3
+        a, b, c = directions
+        volumes = measures.dot(a, measures.cross(b - a, c - a))
+        if not (volumes.min() > 0 and areas.min() > 0 and volume > 0):  # of what is not finite too
+            return None
+        normals = vectors / areas[:, None]
+        gradient, pushed = np.zeros((n, 3)), np.zeros((n, 3))
+        for k in range(3):
+            v, w = (directions[(k + j) % 3] for j in (1, 2))
+            opposite = corners[(k + 2) % 3] - corners[(k + 1) % 3]
+            across = measures.cross(v, w - v)
+            along = measures.cross(normals, opposite) / (2 * area) - vectors * (2 / (9 * volume))
+            gradient += measures.scatter(F[:, k], along, n)
+            pushed -= measures.scatter(F[:, k], across * (share / volumes)[:, None], n)
+        gradient += (pushed - measures.dot(pushed, U)[:, None] * U) / radii
+        value = np.log(area) - 2 / 3 * np.log(volume) - share * float(np.log(volumes).sum())
+        return Energy(float(value), gradient)
+
+    return energy
+
+
 def finished(
-    V: Floats, F: Ints, centre: Floats, *, barrier: float = LOWER, steps: int | None = None
+    V: Floats,
+    F: Ints,
+    centre: Floats,
+    *,
+    barrier: float = LOWER,
+    steps: int | None = None,
+    by: Energies = energies,
 ) -> Floats:
-    """Return (n, 3) positions of less energy; V as it is where something does not look outward, or nothing falls.
+    """Return (n, 3) positions of less energy.
+
+    V as it is where something does not look outward, nothing falls, or there are more than MOST vertices.
 
     Args:
         V: (n, 3) positions.
@@ -59,99 +115,101 @@ def finished(
         centre: (3,) c.
         barrier: in the place of LOWER.
         steps: as many; `steps_of` the number of vertices by default.
+        by: who computes energies.
 
     """
     size = float(measures.norm(V - centre).mean())
-    P = np.asfortranarray((V - centre) / size)
-    at = _energy(P, F, barrier)
-    pairs: list[tuple[Floats, Floats, float]] = []  # moves, what the gradient changed by, and their product
-    for _ in range(steps_of(len(V)) if steps is None else steps):
-        if at is None:
-            return V
-        move = -_solved(at, P, pairs)
-        slope = float((move * at.gradient).sum())
-        found = _fallen(P, F, at, move, slope, lower=barrier) if slope < 0 else None
+    P, energy = np.ascontiguousarray((V - centre) / size), by(F, barrier)
+    at = energy(P)
+    if at is None or len(V) > MOST:
+        return V
+    metric, memory = _Metric(len(V), F, barrier), _Memory()
+    for i in range(steps_of(len(V)) if steps is None else steps):
+        if i % REFRESHED == 0 and not metric.refreshed(P):
+            break
+        move = -memory.solved(at.gradient, metric)
+        found = _fallen(P, at, move, energy)
         if found is None:
-            if not pairs:
+            if not memory.pairs:
                 break
-            pairs = []
+            memory = _Memory()
             continue
         moved, there = found
-        change = there.gradient - at.gradient
-        product = float((change * (moved - P)).sum())
-        if product > 0:
-            pairs = [*pairs, (moved - P, change, product)][-REMEMBERED:]
+        memory.remember(moved - P, there.gradient - at.gradient)
         P, at = moved, there
     return np.asfortranarray(centre + size * P)
 
 
-def _solved(at: _Energy, P: Floats, pairs: list[tuple[Floats, Floats, float]]) -> Floats:
-    """(n, 3) the gradient by the inverse of what is known of the Hessian."""
-    left, shares = at.gradient, []
-    for move, change, product in reversed(pairs):
-        shares.append(float((move * left).sum()) / product)
-        left = left - shares[-1] * change
-    by = FIRST
-    if pairs:
-        _, change, product = pairs[-1]
-        by = product / float((change * _by_diagonal(at, P, change)).sum())
-    found = by * _by_diagonal(at, P, left)
-    for (move, change, product), share in zip(pairs, reversed(shares), strict=True):
-        found = found + (share - float((change * found).sum()) / product) * move
-    return found
+class _Metric:
+    """The Laplacian that steps begin with."""
+
+    def __init__(self, n: int, F: Ints, barrier: float) -> None:
+        # Loads scipy's solvers, which take longer than a small mesh does: only when they are needed.
+        from spherify.geometry.sparse import SymmetricSolver  # noqa: PLC0415
+
+        self._n, self._F = n, F
+        self._share = STIFFENED * barrier * 4 * np.pi / len(F) ** 2
+        tails, heads = F.reshape(-1), np.roll(F, -1, axis=1).reshape(-1)
+        keys, self._edge = np.unique(
+            np.minimum(tails, heads) * n + np.maximum(tails, heads), return_inverse=True
+        )
+        self._edges = np.stack([keys // n, keys % n], axis=1)
+        self._solver = SymmetricSolver(n, self._edges)
+        self._factors: Callable[[Floats], Floats]
+        self._shares: Floats  # (n, 1) of what is alike in all moves
+
+    def refreshed(self, P: Floats) -> bool:
+        """Make it anew for positions (n, 3) from the centre; whether it can be factorised."""
+        U, radii = measures.normalised(P), measures.norm(P)
+        apart = self._share / (measures.face_areas(U, self._F) * (radii[self._F] ** 2).mean(axis=1))
+        by_corner = cotangents(P, self._F) / float(measures.face_areas(P, self._F).sum())
+        by_corner += cotangents(U, self._F) * apart[:, None]
+        from_corner = np.roll(by_corner, 1, axis=1)  # the edge from corner k is opposite corner k - 1
+        weights = measures.scatter(self._edge, 0.5 * from_corner.reshape(-1), len(self._edges))
+        diagonal = sum(measures.scatter(self._edges[:, k], weights, self._n) for k in range(2))
+        factors = self._solver.factorised((1 + ANCHORED) * diagonal, -weights)
+        if factors is not None:
+            self._factors, self._shares = factors, (diagonal / diagonal.sum())[:, None]
+        return factors is not None
+
+    def solve(self, B: Floats) -> Floats:
+        """(n, 3) X of L X = B, but for what would move all vertices alike, of which L knows nothing."""
+        return self._factors(B - self._shares * B.sum(axis=0))
 
 
-def _by_diagonal(at: _Energy, P: Floats, vectors: Floats) -> Floats:
-    """(n, 3) vectors over the diagonals."""
-    U = measures.normalised(P)
-    radial = measures.dot(vectors, U)[:, None] * U
-    found: Floats = (vectors - radial) / at.tangential + radial / at.radial
-    return found
+class _Memory:
+    """The last moves, what the gradient changed by with each, and their products."""
+
+    def __init__(self) -> None:
+        self.pairs: list[tuple[Floats, Floats, float]] = []
+
+    def remember(self, move: Floats, change: Floats) -> None:
+        """Remember a move (n, 3), but for one along which the gradient falls."""
+        product = float((change * move).sum())
+        if product > 0:
+            self.pairs = [*self.pairs, (move, change, product)][-REMEMBERED:]
+
+    def solved(self, gradient: Floats, metric: _Metric) -> Floats:
+        """(n, 3) the gradient by the inverse of what is known of the Hessian."""
+        left, shares = gradient, []
+        for move, change, product in reversed(self.pairs):
+            shares.append(float((move * left).sum()) / product)
+            left = left - shares[-1] * change
+        found = metric.solve(left)
+        for (move, change, product), share in zip(self.pairs, reversed(shares), strict=True):
+            found = found + (share - float((change * found).sum()) / product) * move
+        return found
 
 
 def _fallen(
-    P: Floats, F: Ints, at: _Energy, move: Floats, slope: float, *, lower: float
-) -> tuple[Floats, _Energy] | None:
+    P: Floats, at: Energy, move: Floats, energy: Callable[[Floats], Energy | None]
+) -> tuple[Floats, Energy] | None:
     """Return positions along the move at which E is less, and E there."""
-    share = 1.0
-    for _ in range(HALVINGS):
+    slope, share = float((move * at.gradient).sum()), 1.0
+    for _ in range(HALVINGS if slope < 0 else 0):
         moved = P + share * move
-        there = _energy(moved, F, lower)
+        there = energy(moved)
         if there is not None and there.value < at.value + FALLS * share * slope:
             return moved, there
         share /= 2
     return None
-
-
-def _energy(P: Floats, F: Ints, lower: float) -> _Energy | None:
-    """Return E at positions from the centre; None beyond the barrier."""
-    n, m = len(P), len(F)
-    radii = measures.norm(P)[:, None]
-    U = P / radii
-    corners = [measures.gather(P, F[:, k]) for k in range(3)]
-    directions = [measures.gather(U, F[:, k]) for k in range(3)]
-    vectors = 0.5 * measures.cross(corners[1] - corners[0], corners[2] - corners[0])
-    areas = measures.norm(vectors)
-    area, volume = float(areas.sum()), float(measures.dot(vectors, corners[0]).sum()) / 3
-    a, b, c = directions
-    volumes = measures.dot(a, measures.cross(b - a, c - a))
-    if not (volumes.min() > 0 and areas.min() > 0 and volume > 0):  # of what is not finite too
-        return None
-    barrier = lower * 4 * np.pi / m**2
-    normals = vectors / areas[:, None]
-    gradient, pushed = np.zeros((n, 3)), np.zeros((n, 3))
-    tangential, radial = np.zeros(n), np.zeros(n)
-    for k in range(3):
-        u, v, w = (directions[(k + j) % 3] for j in range(3))
-        opposite = corners[(k + 2) % 3] - corners[(k + 1) % 3]
-        across = measures.cross(v, w - v)
-        along = measures.cross(normals, opposite) / (2 * area) - vectors * (2 / (9 * volume))
-        gradient += measures.scatter(F[:, k], along, n)
-        pushed -= measures.scatter(F[:, k], across * (barrier / volumes)[:, None], n)
-        within = measures.dot(across, across) - measures.dot(across, u) ** 2
-        stiff = areas * (4 * np.pi / (3 * area**2)) + barrier * within / volumes**2
-        tangential += measures.scatter(F[:, k], stiff, n)
-        radial += measures.scatter(F[:, k], measures.dot(opposite, opposite) / (4 * area * areas), n)
-    gradient += (pushed - measures.dot(pushed, U)[:, None] * U) / radii
-    value = np.log(area) - 2 / 3 * np.log(volume) - barrier * float(np.log(volumes).sum())
-    return _Energy(float(value), gradient, tangential[:, None], radial[:, None])

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from spherify.geometry import measures
 from spherify.geometry.covering import covering
-from spherify.geometry.finish import finished
+from spherify.geometry.finish import Energies, energies, finished
 from spherify.geometry.mesh import Floats, Ints
 
 MOST: Final = 10_000  # vertices: as many take some ten seconds, more around hubs; a run hears nothing then
@@ -244,13 +244,14 @@ class _Removal:
         return min(threes, COUNTED), min(fours, COUNTED)
 
 
-def reinserted(V: Floats, F: Ints, centre: Floats) -> Floats | None:
+def reinserted(V: Floats, F: Ints, centre: Floats, by: Energies = energies) -> Floats | None:
     """Set directions anew where they do not look outward, and let all make room; None if that cannot be done.
 
     Args:
         V: (n, 3) positions.
         F: (m, 3) faces, of one closed surface of genus 0.
         centre: (3,) that directions are from.
+        by: who computes energies.
 
     Returns:
         (n, 3) positions on a sphere about the centre, of the mean radius; all faces look outward from it.
@@ -266,7 +267,7 @@ def reinserted(V: Floats, F: Ints, centre: Floats) -> Floats | None:
         if not (keep and removal.until_outward() and _covers_once(U, removal)):
             removal.until_four()
             _as_tetrahedron(U, removal)
-        if _put_back(U, removal) and (_volumes(U, F) > 0).all():
+        if _put_back(U, removal, by) and (_volumes(U, F) > 0).all():
             return np.asfortranarray(centre + radius * U)
     return None
 
@@ -280,14 +281,14 @@ def _uneven(degree: int) -> int:
     return (degree - REGULAR) ** 2 if beyond <= 0 else (EASY - REGULAR) * (EASY - REGULAR + 2 * beyond)
 
 
-def _put_back(U: Floats, removal: _Removal) -> bool:
+def _put_back(U: Floats, removal: _Removal, by: Energies) -> bool:
     """Give all that was taken out a direction in U (n, 3), in reverse order; whether there was one for each."""
     left, triangles, waiting = sorted(removal.left), removal.triangles, 0
     for level in reversed(removal.levels):
         for merge in reversed(level):
             place = _place(U[merge.ring])
             if place is None:
-                _make_room(U, left, triangles)
+                _make_room(U, left, triangles, by)
                 place = _place(U[merge.ring])
             if place is None:
                 return False
@@ -296,16 +297,16 @@ def _put_back(U: Floats, removal: _Removal) -> bool:
             left.append(merge.vertex)
         waiting += len(level)
         if waiting > AT_ONCE * len(left):
-            _make_room(U, left, triangles)
+            _make_room(U, left, triangles, by)
             waiting = 0
-    _make_room(U, left, triangles)
+    _make_room(U, left, triangles, by)
     return True
 
 
-def _make_room(U: Floats, left: Corners, triangles: _Triangulation) -> None:
+def _make_room(U: Floats, left: Corners, triangles: _Triangulation, by: Energies) -> None:
     if len(left) >= FEWEST:
         steps = min(max(AFTERWARDS // len(left), STEPS[0]), STEPS[1])
-        moved = finished(U[left], triangles.faces(left), np.zeros(3), barrier=ROOM, steps=steps)
+        moved = finished(U[left], triangles.faces(left), np.zeros(3), barrier=ROOM, steps=steps, by=by)
         U[left] = measures.normalised(moved)
 
 

@@ -286,7 +286,7 @@ def test_where_rounding_ends_the_drawing_apart_directions_are_set_anew(monkeypat
 
     monkeypatch.setattr(OnTheSphere, "spread", as_if_rounded)
     times = []
-    for state in flow(wound(2.2, 12, 120), replace(ROBUST, iterations=330), engine="compiled"):
+    for state in flow(wound(2.2, 12, 120), replace(ROBUST, iterations=800), engine="compiled"):
         times.append(Control(*state.checkpoint()["control"]).times)
     assert asked
     assert times[-1] == 2

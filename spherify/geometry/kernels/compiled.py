@@ -16,11 +16,13 @@ import numpy as np
 
 from spherify.geometry.config import FlowConfig, Stage
 from spherify.geometry.kernels.buffers import buffers, scratch
+from spherify.geometry.kernels.energies import energies
 from spherify.geometry.kernels.faces import Faces
 from spherify.geometry.kernels.numbering import Numbering
 from spherify.geometry.kernels.passes import shape
 from spherify.geometry.kernels.passes.ascent import ascend
 from spherify.geometry.kernels.passes.directions import see
+from spherify.geometry.kernels.passes.energy import energy
 from spherify.geometry.kernels.passes.fans import walk
 from spherify.geometry.kernels.passes.jit import code_for, kept
 from spherify.geometry.kernels.passes.levels import by_levels
@@ -72,6 +74,7 @@ ENTRIES: Final[Sequence[Callable[..., Any]]] = (
     unfold,
     spread,
     ascend,
+    energy,
     unload,
     see,
 )
@@ -144,6 +147,7 @@ class CompiledKernel:
         self.unfold = self._sphere.unfold
         self.spread = self._sphere.spread
         self.ascend = self._sphere.ascend
+        self.energies = energies
         self.covering = self._sphere.covering
         self.centre_inside = self._sphere.centre_inside
         self.folds = self._sphere.folds
@@ -344,3 +348,4 @@ class CompiledEngine:
         kernel.unfold(corners, centre, np.zeros(4), exponent=1.0, damping=1.0, rounds=1)
         kernel.spread(corners, centre, 1)
         kernel.ascend(corners, corners, centre, 0.0)
+        kernel.energies(faces, 1.0)(corners - centre)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Protocol
 
 from spherify.geometry.config import FlowConfig, Stage
 from spherify.geometry.covering import Covering
-from spherify.geometry.mesh import Floats
+from spherify.geometry.finish import Energy
+from spherify.geometry.mesh import Floats, Ints
 from spherify.geometry.metrics import Figures
 from spherify.geometry.roundness import ALL, Shape, Wanted
 from spherify.geometry.topology import Topology
@@ -81,6 +83,10 @@ class Kernel(Protocol):
 
     def ascend(self, V: Floats, previous: Floats, centre: Floats, momentum: float) -> Floats:
         """Do what `spherify.geometry.ascent.ascended` does."""
+        ...
+
+    def energies(self, F: Ints, barrier: float) -> Callable[[Floats], Energy | None]:
+        """Do what `spherify.geometry.finish.energies` does."""
         ...
 
     def covering(self, V: Floats, centre: Floats) -> Covering:

@@ -12,7 +12,8 @@ from spherify.geometry.ascent import ascended
 from spherify.geometry.config import FlowConfig, Stage
 from spherify.geometry.covering import Covering, centre_inside, covering
 from spherify.geometry.curvature import curvature_from
-from spherify.geometry.mesh import Floats
+from spherify.geometry.finish import Energy, energies
+from spherify.geometry.mesh import Floats, Ints
 from spherify.geometry.metrics import Figures, figures_of
 from spherify.geometry.roundness import ALL, Shape, Wanted, shape_of
 from spherify.geometry.topology import Topology
@@ -70,6 +71,10 @@ class ReferenceKernel:
     def ascend(self, V: Floats, previous: Floats, centre: Floats, momentum: float) -> Floats:
         """See `spherify.geometry.kernels.interface.Kernel.ascend`."""
         return ascended(V, self._topology.faces, previous, centre, momentum)
+
+    def energies(self, F: Ints, barrier: float) -> Callable[[Floats], Energy | None]:
+        """See `spherify.geometry.kernels.interface.Kernel.energies`."""
+        return energies(F, barrier)
 
     def covering(self, V: Floats, centre: Floats) -> Covering:
         """See `spherify.geometry.kernels.interface.Kernel.covering`."""

@@ -9,7 +9,7 @@ from spherify.geometry.kernels import Kernel
 from spherify.geometry.mesh import Floats, Ints
 from spherify.geometry.reinsertion import reinserted
 
-NEARER: Final = (1.0, 0.5, 0.25, 0.1)  # shares of the way to the centroid that are tried
+NEARER: Final = (1.0, 0.5, 0.25, 0.1, 0.03, 0.01)  # shares of the way to the centroid that are tried
 
 
 def set_anew(kernel: Kernel, F: Ints, starts: Iterable[Floats], centre: Floats) -> Floats | None:
@@ -27,7 +27,7 @@ def set_anew(kernel: Kernel, F: Ints, starts: Iterable[Floats], centre: Floats) 
         return kernel.covering(V, centre).degree != 1, kernel.folds(V, centre)[0]
 
     different = {id(V): V for V in starts}.values()
-    found = (reinserted(V, F, centre) for V in sorted(different, key=astray))
+    found = (reinserted(V, F, centre, kernel.energies) for V in sorted(different, key=astray))
     return next((V for V in found if V is not None), None)
 
 

@@ -45,6 +45,7 @@ GIVEN_UP: Final = np.inf  # no sphericity exceeds it: nothing is waited for any 
 PATIENCES: Final = 4  # of the annealing, that something may take on the sphere to get better
 SHORT: Final = 0.995  # sphericity below which what gets no rounder by T and the climb is finished
 RISE: Final = 5e-6  # of the sphericity in STEPS, for another iteration of that
+FINISHED: Final = 2  # iterations of FINISH without that: Ψ may fall for a while as the barrier is left
 CAREFUL: Final = 0.1  # of the step, that T along the radii begins with; longer ones make it rough again
 
 OF_UNIT: Final = {  # after a step
@@ -57,7 +58,7 @@ STILL_WOUND: Final = (
     "the surface, wound around itself, could not be unwound: the run went back to before that was tried"
 )
 NO_ROUNDER: Final = (
-    f"radii and directions together did not raise the sphericity by {RISE:g} in {STEPS} steps any more"
+    f"radii and directions together did not raise the sphericity by {RISE:g} in {FINISHED * STEPS} steps"
 )
 
 
