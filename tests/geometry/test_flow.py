@@ -119,6 +119,13 @@ class TestReasonsToStop:
         (only,) = flow(TriangleMesh(unit * mesh.vertices, mesh.faces), ROBUST, engine="reference")
         assert only.stop_reason is StopReason.CONVERGED
 
+    def test_converged_though_few_triangles_keep_it_from_being_rounder(self):
+        """The sphericity of 500 vertices stays below that of a sphere at once; the radii are equal all the same."""
+        *_, last = flow(sample("stone", 500), ROBUST)
+        assert last.sphericity < 0.999
+        assert last.metrics().radius_variation < ROBUST.stop_radius_variation
+        assert last.stop_reason is StopReason.CONVERGED
+
     def test_stalled(self):
         config = replace(ROBUST, annealing=Annealing(3, 0.5, 0.01), unfolding=None)
         last = run(sample("cube", 26), config)[-1]
