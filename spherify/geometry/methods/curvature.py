@@ -28,6 +28,7 @@ from spherify.geometry.kernels import Engine, Kernel
 from spherify.geometry.mesh import Floats
 from spherify.geometry.methods.anew import nearer, set_anew
 from spherify.geometry.methods.control import (
+    FINISHED,
     GIVEN_UP,
     LOOKED_EVERY,
     NO_ROUNDER,
@@ -144,11 +145,11 @@ class CurvatureTransformation:
         return self._config.step * self._next(progress).control.annealing * unit
 
     def settled(self, progress: Progress) -> bool:
-        """See `Method.settled`: not on the sphere, nor while T still raises the sphericity after that."""
+        """See `Method.settled`: not on the sphere, nor while what follows that still raises the sphericity."""
         control = self._control(progress)
-        if control.phase in {Phase.SMOOTHING, Phase.STAR}:
-            return control.waited >= (LOOKED_EVERY if control.plateau >= ROUND else WAITED)
-        return control.phase == Phase.NORMALS
+        if control.phase in {Phase.SMOOTHING, Phase.STAR} and control.plateau >= ROUND:
+            return control.waited >= LOOKED_EVERY
+        return control.phase == Phase.NORMALS or self.stalled(progress) is not None
 
     def stalled(self, progress: Progress) -> str | None:
         """See `Method.stalled`: annealed down to the least step, or unfolding to no end."""
@@ -164,7 +165,7 @@ class CurvatureTransformation:
                 f"that look inward, at best {control.fewest:.0f}, fell in {control.waited:.0f} iterations on the sphere"
             )
         if control.phase == Phase.FINISH:
-            return NO_ROUNDER if control.waited else None
+            return NO_ROUNDER if control.waited >= FINISHED else None
         if not control.annealed_down(self._config) or control.short(progress.shape):
             return None
         return (
@@ -191,7 +192,7 @@ class CurvatureTransformation:
             self._folds = found
             return found.positions
         if control.phase == Phase.FINISH:
-            return finished(here, self._faces, centre)
+            return finished(here, self._faces, centre, by=self._kernel.energies)
         if control.phase == Phase.STAR:
             ahead = here
             if control.momentum > 0:
@@ -294,9 +295,7 @@ class CurvatureTransformation:
         here, centre = progress.position, progress.memory["centre"]
         if control.phase == Phase.FINISH or (control.phase == Phase.STAR and looked):
             centre = nearer(self._kernel, here, centre, progress.shape.centroid)
-        if control.phase == Phase.SPHERE and control.no_better(
-            self._config
-        ):  # small triangles, that make no room
+        if control.phase == Phase.SPHERE and control.no_better(self._config):  # some triangles make no room
             control = control.as_star(progress.shape)
         elif control.short(progress.shape) and control.annealed_down(self._config):
             control = control.as_finish(progress.shape)
