@@ -166,7 +166,8 @@ class _Metric:
         by_corner += cotangents(U, self._F) * apart[:, None]
         from_corner = np.roll(by_corner, 1, axis=1)  # the edge from corner k is opposite corner k - 1
         weights = measures.scatter(self._edge, 0.5 * from_corner.reshape(-1), len(self._edges))
-        diagonal = sum(measures.scatter(self._edges[:, k], weights, self._n) for k in range(2))
+        tails, heads = (measures.scatter(self._edges[:, k], weights, self._n) for k in range(2))
+        diagonal = tails + heads
         factors = self._solver.factorised((1 + ANCHORED) * diagonal, -weights)
         if factors is not None:
             self._factors, self._shares = factors, (diagonal / diagonal.sum())[:, None]

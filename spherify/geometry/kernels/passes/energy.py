@@ -7,7 +7,7 @@ surface has a part in, area and volume, multiplies those sums in the end, so tha
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Final, TypeAlias
 
 import numpy as np
 
@@ -15,6 +15,8 @@ from spherify.geometry.kernels.passes.directions import minus
 from spherify.geometry.kernels.passes.jit import entry, inner, pasted
 from spherify.geometry.kernels.passes.types import Floats, Index, Indices
 from spherify.geometry.kernels.passes.vectors import Vector, cross, dot
+
+Place: TypeAlias = np.uint64
 
 SUMS: Final = 9  # of a vertex; in this order:
 AREAS: Final = 0  # twice the gradient of the area of its faces
@@ -25,13 +27,13 @@ SMALL: Final = 1e-100  # a product of volumes, whose logarithm is taken before i
 
 
 @pasted
-def row(v: Floats, at: Index) -> Vector:
+def row(v: Floats, at: Place) -> Vector:
     """Return three numbers after each other."""
     return v[at], v[np.uint64(at + np.uint64(1))], v[np.uint64(at + np.uint64(2))]
 
 
 @pasted
-def add(sums: Floats, at: Index, v: Vector, by: float) -> None:
+def add(sums: Floats, at: Place, v: Vector, by: float) -> None:
     """Add by·v to three numbers after each other."""
     one, two = np.uint64(at + np.uint64(1)), np.uint64(at + np.uint64(2))
     sums[at] += by * v[0]
@@ -42,10 +44,12 @@ def add(sums: Floats, at: Index, v: Vector, by: float) -> None:
 @inner
 def direct(P: Floats, U: Floats) -> None:
     """Write directions."""
-    for p in range(np.uint64(0), np.uint64(P.size), np.uint64(3)):
+    p = np.uint64(0)
+    while p < P.size:
         at = row(P, p)
         over = 1.0 / math.sqrt(dot(at, at))
         U[p], U[p + np.uint64(1)], U[p + np.uint64(2)] = over * at[0], over * at[1], over * at[2]
+        p += np.uint64(3)
 
 
 @inner
@@ -122,8 +126,8 @@ def gather(
         gradient: (3n,) out.
 
     """
-    at = np.uint64(0)
-    for p in range(np.uint64(0), np.uint64(P.size), np.uint64(3)):
+    p, at = np.uint64(0), np.uint64(0)
+    while p < P.size:
         position, u = row(P, p), row(U, p)
         areas, volumes = row(sums, at), row(sums, np.uint64(at + np.uint64(VOLUMES)))
         apart = row(sums, np.uint64(at + np.uint64(APART)))
@@ -131,6 +135,7 @@ def gather(
         gradient[p] = outward * areas[0] - along * volumes[0] + by * (apart[0] - off * u[0])
         gradient[p + np.uint64(1)] = outward * areas[1] - along * volumes[1] + by * (apart[1] - off * u[1])
         gradient[p + np.uint64(2)] = outward * areas[2] - along * volumes[2] + by * (apart[2] - off * u[2])
+        p += np.uint64(3)
         at += np.uint64(SUMS)
 
 
