@@ -30,7 +30,7 @@ PresetOption: TypeAlias = Annotated[
 ]
 SAMPLE: Final = "sample:"
 SAMPLE_VERTICES: Final = 3000
-SAMPLE_MOST: Final = 1_000_000  # vertices: the time and memory are one's own, and what has more was a slip of the pen
+SAMPLE_MOST: Final = 1_000_000  # vertices; time and memory are one's own
 
 
 def mesh_of(source: str, allow: list[str]) -> TriangleMesh:

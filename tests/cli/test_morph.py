@@ -244,7 +244,7 @@ def test_samples_that_cannot_be_written_are_a_sentence(tmp_path: Path) -> None:
         done = spherify_here("samples", "-o", folder, "--vertices", "100", cwd=tmp_path)
         assert done.code == code
         assert says in done.err
-    assert spherify_here("samples", "-o", "new", "--vertices", "50001", cwd=tmp_path).code == 2
+    assert spherify_here("samples", "-o", "new", "--vertices", "1000001", cwd=tmp_path).code == 2
     assert not (tmp_path / "new").exists()
 
 
