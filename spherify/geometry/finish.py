@@ -9,12 +9,14 @@ the centre, u = p / |p| and all of that module's names, the energy
 falls in all three coordinates of each vertex, with a tenth of the barrier there, by the method of Nocedal, "Updating
 quasi-Newton matrices with limited storage", 1980. What is left in it of a limb is a spot of tiny triangles, which have
 to grow together: steps by the diagonal take thousands for that, each vertex waiting for the others. So a step begins
-with the Hessian of an energy that is quadratic and near by no less than E, the volume apart: the area is at most the
-Dirichlet energy by the cotangents of the triangles (Pinkall and Polthier, "Computing discrete minimal surfaces and
-their conjugates", 1993), and -log a of a triangle of area a bends at most as its Dirichlet energy over a does. Both
-together are one Laplacian, for which each triangle has the weights ½ cot (1/A + STIFFENED · BARRIER · 4π/m²/a); it is
-the same for all three coordinates, and factorised now and then. As in Kovalsky, Galun and Lipman, "Accelerated
-quadratic proxy for geometric optimization", 2016, whose Laplacian stays that of the start.
+with the Hessian of an energy that is quadratic and, near a round surface, bends about as E does or more, the volume
+apart: the area is at most the Dirichlet energy by the cotangents of the triangles (Pinkall and Polthier, "Computing
+discrete minimal surfaces and their conjugates", 1993), and -log a of a flat triangle of area a bends at most as its
+Dirichlet energy over a does. The barrier's are the triangles of directions, each laid flat across its middle: a is
+det/2 then, but for how far that is from the centre, and as small as det on what is seen edge-on. Both together are one
+Laplacian, for which a triangle has the weights ½ cot/A, and ½ cot · BARRIER · 4π/m²/a of directions; it is the same for
+all three coordinates, and factorised now and then. As in Kovalsky, Galun and Lipman, "Accelerated quadratic proxy for
+geometric optimization", 2016, whose Laplacian stays that of the start.
 
 Moves are halved until E falls, and no triangle passes the barrier: whatever looks outward from the centre still does.
 The energy and its Laplacian are ours.
@@ -22,6 +24,7 @@ The energy and its Laplacian are ours.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from typing import Final, NamedTuple
 
@@ -32,17 +35,17 @@ from spherify.geometry.laplacian import cotangents
 from spherify.geometry.mesh import Floats, Ints
 
 LOWER: Final = 0.03  # of the barrier; less leaves triangles of less area, and is no rounder
-STIFFENED: Final = (
-    2.0  # as much of the barrier in the Laplacian; on long triangles a step goes further than near by
-)
 STEPS: Final = 200  # in an iteration, at most: what is remembered of them does not outlive it
 FEWEST: Final = 8
-WORK: Final = 600_000  # steps times vertices of an iteration, a third of a second: it is heard between two
-MOST: Final = 200_000  # vertices; of more, the factors would take more memory than all the rest
+WORK: Final = (
+    600_000  # steps times vertices of an iteration, a third of a second: it is heard between two; 2 s of MOST
+)
+MOST: Final = 100_000  # vertices; factors of more take too long and too much memory
 REFRESHED: Final = 30  # steps, after which the Laplacian is made anew
 REMEMBERED: Final = 20  # moves
 HALVINGS: Final = 30
 FALLS: Final = 1e-4  # share of the fall that the slope promises, which is enough
+ABOUT: Final = 0.01  # of the mean radius, that the centroid is off the centre at most, for it to stay there
 ANCHORED: Final = 1e-6  # of its diagonal, added to the Laplacian, which else would be singular
 
 
@@ -119,7 +122,8 @@ def finished(
 
     """
     size = float(measures.norm(V - centre).mean())
-    P, energy = np.ascontiguousarray((V - centre) / size), by(F, barrier)
+    start = P = np.ascontiguousarray((V - centre) / size)
+    energy = by(F, barrier)
     at = energy(P)
     if at is None or len(V) > MOST:
         return V
@@ -137,7 +141,7 @@ def finished(
         moved, there = found
         memory.remember(moved - P, there.gradient - at.gradient)
         P, at = moved, there
-    return np.asfortranarray(centre + size * P)
+    return V if P is start else np.asfortranarray(centre + size * P)
 
 
 class _Metric:
@@ -148,7 +152,7 @@ class _Metric:
         from spherify.geometry.sparse import SymmetricSolver  # noqa: PLC0415
 
         self._n, self._F = n, F
-        self._share = STIFFENED * barrier * 4 * np.pi / len(F) ** 2
+        self._share = barrier * 4 * np.pi / len(F) ** 2
         tails, heads = F.reshape(-1), np.roll(F, -1, axis=1).reshape(-1)
         keys, self._edge = np.unique(
             np.minimum(tails, heads) * n + np.maximum(tails, heads), return_inverse=True
@@ -156,39 +160,60 @@ class _Metric:
         self._edges = np.stack([keys // n, keys % n], axis=1)
         self._solver = SymmetricSolver(n, self._edges)
         self._factors: Callable[[Floats], Floats]
-        self._shares: Floats  # (n, 1) of what is alike in all moves
+        self._shares: Floats  # (n, 1) of what moves all alike
 
     def refreshed(self, P: Floats) -> bool:
         """Make it anew for positions (n, 3) from the centre; whether it can be factorised."""
-        U, radii = measures.normalised(P), measures.norm(P)
-        apart = self._share / (measures.face_areas(U, self._F) * (radii[self._F] ** 2).mean(axis=1))
-        by_corner = cotangents(P, self._F) / float(measures.face_areas(P, self._F).sum())
-        by_corner += cotangents(U, self._F) * apart[:, None]
+        seen, flat = _as_seen(P, self._F)
+        squares = measures.dot(P, P)[self._F].mean(axis=1)
+        apart = self._share / (measures.face_areas(seen, flat) * squares)
+        areas = measures.face_areas(P, self._F)
+        by_corner = cotangents(P, self._F) / float(areas.sum())
+        by_corner += cotangents(seen, flat) * apart[:, None]
         from_corner = np.roll(by_corner, 1, axis=1)  # the edge from corner k is opposite corner k - 1
         weights = measures.scatter(self._edge, 0.5 * from_corner.reshape(-1), len(self._edges))
         tails, heads = (measures.scatter(self._edges[:, k], weights, self._n) for k in range(2))
         diagonal = tails + heads
         factors = self._solver.factorised((1 + ANCHORED) * diagonal, -weights)
         if factors is not None:
-            self._factors, self._shares = factors, (diagonal / diagonal.sum())[:, None]
+            at_vertices = measures.sum_at_vertices(areas, self._F, self._n)
+            centroid = (at_vertices[:, None] * P).sum(axis=0) / at_vertices.sum()
+            held = at_vertices if (abs(centroid) < ABOUT).all() else diagonal
+            self._factors, self._shares = factors, (held / held.sum())[:, None]
         return factors is not None
 
     def solve(self, B: Floats) -> Floats:
-        """(n, 3) X of L X = B, but for what would move all vertices alike, of which L knows nothing."""
-        return self._factors(B - self._shares * B.sum(axis=0))
+        """(n, 3) X of L X = B, but for what would move all alike, of which L knows nothing.
+
+        A centroid that is the centre stays it; another one may come nearer.
+        """
+        X = self._factors(B - self._shares * B.sum(axis=0))
+        return X - (self._shares * X).sum(axis=0)
+
+
+def _as_seen(P: Floats, F: Ints) -> tuple[Floats, Ints]:
+    """Return corners (3m, 3) of the triangles of directions, each flat across its middle one, and faces (m, 3) of them.
+
+    The plane triangle of three directions near a great circle stands upright, and has an area however small det is.
+    """
+    U = measures.normalised(P)
+    corners = [measures.gather(U, F[:, k]) for k in range(3)]
+    middle = measures.normalised(corners[0] + corners[1] + corners[2])
+    flat = [corner - measures.dot(corner, middle)[:, None] * middle for corner in corners]
+    return np.concatenate(flat), np.arange(F.size).reshape(3, -1).T
 
 
 class _Memory:
     """The last moves, what the gradient changed by with each, and their products."""
 
     def __init__(self) -> None:
-        self.pairs: list[tuple[Floats, Floats, float]] = []
+        self.pairs: deque[tuple[Floats, Floats, float]] = deque(maxlen=REMEMBERED)
 
     def remember(self, move: Floats, change: Floats) -> None:
         """Remember a move (n, 3), but for one along which the gradient falls."""
         product = float((change * move).sum())
         if product > 0:
-            self.pairs = [*self.pairs, (move, change, product)][-REMEMBERED:]
+            self.pairs.append((move, change, product))
 
     def solved(self, gradient: Floats, metric: _Metric) -> Floats:
         """(n, 3) the gradient by the inverse of what is known of the Hessian."""

@@ -9,11 +9,17 @@ import pytest
 
 from spherify.geometry import measures
 from spherify.geometry.finish import (
+    FALLS,
     FEWEST,
+    HALVINGS,
     LOWER,
+    REFRESHED,
+    REMEMBERED,
     STEPS,
-    STIFFENED,
     WORK,
+    Energy,
+    _fallen,
+    _Memory,
     _Metric,
     energies,
     finished,
@@ -22,10 +28,11 @@ from spherify.geometry.finish import (
 from spherify.geometry.flow import FlowState, StopReason, flow
 from spherify.geometry.kernels import ENGINES, get_engine
 from spherify.geometry.methods import control
-from spherify.geometry.methods.control import SHORT, Control, Phase
+from spherify.geometry.methods.anew import set_anew
+from spherify.geometry.methods.control import FINISHED, SHORT, Control, Phase
 from spherify.geometry.presets import PRESETS
 from spherify.geometry.quality import inward_faces
-from spherify.geometry.roundness import sphericity
+from spherify.geometry.roundness import shape_of, sphericity
 from spherify.geometry.samples.solids import icosphere
 from spherify.geometry.topology import Topology
 from tests.geometry.shapes import drum, jittered, uneven_sphere
@@ -106,31 +113,180 @@ def test_there_is_no_energy_beyond_the_barrier(engine):
     assert energy(np.full_like(mesh.vertices, np.nan)) is None
 
 
-def test_steps_begin_with_the_laplacian_of_what_bounds_the_energy():
-    """Solved by the matrix put together triangle by triangle; and the bound, the volume apart, for small moves."""
-    mesh, barrier = uneven_sphere(3), 0.3
-    P, n, m = mesh.vertices, len(mesh.vertices), len(mesh.faces)
-    metric = _Metric(n, mesh.faces, barrier)
-    assert metric.refreshed(P)
+def laplacian(P, F, barrier):
+    """Put together triangle by triangle: of positions over the area, of directions laid flat over their own."""
+    n, m = len(P), len(F)
     share = barrier * 4 * np.pi / m**2
-    areas = measures.face_areas(P, mesh.faces)
+    area = measures.face_areas(P, F).sum()
     L = np.zeros((n, n))
-    for face, area in zip(mesh.faces, areas, strict=True):
-        for k in range(3):
-            p, q, r = face[k], face[(k + 1) % 3], face[(k + 2) % 3]
-            cotangent = np.dot(P[q] - P[p], P[r] - P[p]) / (2 * area)
-            weight = cotangent / 2 * (1 / areas.sum() + STIFFENED * share / area)
-            L[np.ix_([q, r], [q, r])] += weight * np.array([[1, -1], [-1, 1]])
-    rng = np.random.default_rng(2)
-    moves = rng.normal(size=(n, 3))
-    assert L @ metric.solve(moves - moves.mean(axis=0)) == pytest.approx(moves - moves.mean(axis=0), abs=1e-4)
+    for face in F:
+        corners = P[face]
+        U = corners / np.linalg.norm(corners, axis=1)[:, None]
+        middle = U.sum(axis=0) / np.linalg.norm(U.sum(axis=0))
+        flat = U - np.outer(U @ middle, middle)
+        size = np.linalg.norm(np.cross(flat[1] - flat[0], flat[2] - flat[0])) / 2
+        for triangle, by in ((corners, 1 / area), (flat, share / size / (corners**2).sum(axis=1).mean())):
+            for k in range(3):
+                one, two = triangle[(k + 1) % 3] - triangle[k], triangle[(k + 2) % 3] - triangle[k]
+                weight = by * np.dot(one, two) / np.linalg.norm(np.cross(one, two)) / 2
+                q, r = face[(k + 1) % 3], face[(k + 2) % 3]
+                L[np.ix_([q, r], [q, r])] += weight * np.array([[1, -1], [-1, 1]])
+    return L
+
+
+def metric_of(P, F, barrier):
+    metric = _Metric(len(P), F, barrier)
+    assert metric.refreshed(P)
+    return metric
+
+
+def test_steps_begin_with_a_laplacian():
+    """Of an egg, whose positions are no directions."""
+    mesh = uneven_sphere(3)
+    P = mesh.vertices * np.exp(0.5 * mesh.vertices[:, 2:])
+    metric, L = metric_of(P, mesh.faces, 0.3), laplacian(P, mesh.faces, 0.3)
+    moves = np.random.default_rng(2).normal(size=P.shape)
+    assert L @ metric.solve(L @ moves) == pytest.approx(L @ moves, abs=1e-4)
+    assert metric_of(3 * P, mesh.faces, 0.3).solve(moves) == pytest.approx(9 * metric.solve(moves), rel=1e-9)
+
+
+def test_what_moves_all_alike_is_left_out_and_all_else_is_symmetric():
+    mesh = uneven_sphere(3)
+    metric = metric_of(mesh.vertices, mesh.faces, 0.3)
+    one, other = np.random.default_rng(3).normal(size=(2, *mesh.vertices.shape))
+    assert (one * metric.solve(other)).sum() == pytest.approx((other * metric.solve(one)).sum(), rel=1e-9)
+    areas = measures.sum_at_vertices(measures.face_areas(mesh.vertices, mesh.faces), mesh.faces, len(one))[
+        :, None
+    ]
+    assert (
+        abs((areas * metric.solve(one)).sum(axis=0)).max() <= 1e-12 * (areas * abs(metric.solve(one))).sum()
+    )
+    assert abs(metric.solve(areas * [1, 2, 3])).max() <= 1e-12 * abs(metric.solve(one)).max()
+
+
+def test_the_energy_bends_about_as_the_laplacian_does():
+    """By moves along the sphere, where the volume stays to first order: the smooth ones, and what is at random."""
+    mesh, barrier = uneven_sphere(4), 0.3
+    P, L = mesh.vertices, laplacian(mesh.vertices, mesh.faces, barrier)
     energy = energies(mesh.faces, barrier)
-    for _ in range(20):
-        move = rng.normal(size=(n, 3)) * 1e-4
-        move -= measures.dot(move, P)[:, None] * P  # along the sphere, where the volume stays to first order
-        at, there = energy(P), energy(P + move)
-        bent = there.value - at.value - float((at.gradient * move).sum())
-        assert 0 < bent <= 0.5 * float((move * (L @ move)).sum())
+    at = energy(P)
+    smooth = np.linalg.eigh(L)[1][:, 1:30]
+    rng = np.random.default_rng(2)
+    for weights in [*np.eye(29), *rng.normal(size=(20, 29))]:
+        move = (smooth @ weights)[:, None] * rng.normal(size=3)
+        move -= measures.dot(move, P)[:, None] * P
+        move *= 1e-4 / abs(move).max()
+        bent = energy(P + move).value - at.value - float((at.gradient * move).sum())
+        bound = 0.5 * float((move * (L @ move)).sum())
+        assert 0.02 * bound < bent < 1.5 * bound
+
+
+def test_it_is_factorised_anew_now_and_then(monkeypatch):
+    refreshed, asked = _Metric.refreshed, []
+    monkeypatch.setattr(_Metric, "refreshed", lambda self, P: asked.append(1) or refreshed(self, P))
+    mesh = uneven_sphere(6)
+    finished(mesh.vertices, mesh.faces, CENTRE, steps=2 * REFRESHED + 1)
+    assert len(asked) == 3
+
+
+def test_a_matrix_that_has_no_room_leaves_all_as_it_was(monkeypatch):
+    def full(*_, **__):
+        raise MemoryError
+
+    monkeypatch.setattr("spherify.geometry.sparse.splu", full)
+    mesh = uneven_sphere(6)
+    assert finished(mesh.vertices, mesh.faces, CENTRE) is mesh.vertices
+
+
+def test_a_move_along_which_the_gradient_falls_is_not_remembered():
+    memory, move = _Memory(), np.ones((4, 3))
+    memory.remember(move, -move)
+    assert not memory.pairs
+    for _ in range(2 * REMEMBERED):
+        memory.remember(move, move)
+    assert len(memory.pairs) == REMEMBERED
+
+
+def test_a_fall_that_is_next_to_nothing_of_what_the_slope_promises_is_none():
+    gradient, P = np.full((4, 3), -1.0), np.zeros((4, 3))
+    for share, falls in ((0.5, True), (0.5 * FALLS, False)):
+        found = _fallen(
+            P, Energy(0.0, gradient), -gradient, lambda V, by=share: Energy(-by * V.sum(), gradient)
+        )
+        assert (found is not None) == falls
+
+
+def test_without_what_is_remembered_it_tries_again():
+    """What only rounding, or what is remembered of elsewhere, keeps from falling."""
+    mesh, tried = uneven_sphere(6), []
+
+    def refusing(F, barrier):
+        energy = energies(F, barrier)
+
+        def at(P):
+            tried.append(1)
+            return energy(P) if len(tried) < 4 or len(tried) >= 4 + HALVINGS else None
+
+        return at
+
+    moved = finished(mesh.vertices, mesh.faces, CENTRE, steps=20, by=refusing)
+    assert len(tried) > 4 + HALVINGS + 5
+    assert roundness(moved, mesh) > roundness(mesh.vertices, mesh) + 1e-4
+
+
+def test_triangles_seen_edge_on_do_not_stop_it():
+    """Of a corner all but on the great circle through the others the direction triangle stands upright."""
+    mesh = uneven_sphere(6)
+    V = np.array(mesh.vertices)
+    rng = np.random.default_rng(0)
+    taken: set[int] = set()
+    for face in mesh.faces[rng.permutation(len(mesh.faces))][:80]:
+        p, q, r = face.tolist()
+        if not taken & {p, q, r}:
+            normal = np.cross(V[q], V[r])
+            normal /= np.linalg.norm(normal)
+            W = V.copy()
+            W[p] -= (W[p] @ normal - 10.0 ** rng.uniform(-11, -3)) * normal
+            W[p] /= np.linalg.norm(W[p])
+            if inward_faces(W, mesh.faces, np.zeros(3)) == 0:
+                V = W
+                taken |= set(mesh.faces[(mesh.faces == p).any(axis=1)].reshape(-1).tolist())
+    assert len(taken) > 30
+    V = np.asfortranarray(V)
+    assert roundness(finished(V, mesh.faces, np.zeros(3)), mesh) > 0.998 > roundness(V, mesh) + 0.002
+
+
+@pytest.mark.parametrize("size", [1e-30, 1e30])
+def test_the_size_means_nothing(size):
+    mesh = uneven_sphere(6)
+    one, other = (finished(by * mesh.vertices, mesh.faces, np.zeros(3), steps=20) for by in (1, size))
+    assert other == pytest.approx(size * one, abs=1e-9 * size)
+
+
+def test_a_rise_that_is_too_small_counts_as_none():
+    mesh = uneven_sphere(6)
+    shape = shape_of(mesh.vertices, Topology.of(len(mesh.vertices), mesh.faces))
+    begun = Control(0.0, 1.0, shape.sphericity - 0.8 * control.RISE, 0, Phase.FINISH)
+    assert begun.climbed(shape, STEPS).waited == 1
+    assert begun.climbed(shape, STEPS // 2).waited == 0
+
+
+def test_the_engine_computes_the_energies(monkeypatch):
+    """Of the last of a run, and where directions are set anew."""
+    begun, asked = next(state for state in run() if phase(state) == Phase.FINISH), []
+
+    def counted(F, barrier):
+        asked.append(len(F))
+        return energies(F, barrier)
+
+    monkeypatch.setattr("spherify.geometry.kernels.compiled.energies", counted)
+    mesh = wound(*COIL)
+    method = kernel(mesh, "compiled")
+    assert set_anew(method, mesh.faces, [run()[0].vertices], CENTRE) is not None
+    assert len(asked) > 3
+    asked.clear()
+    next(flow(mesh, ROBUST, engine="compiled", resume=begun.checkpoint()))
+    assert asked == [len(mesh.faces)]
 
 
 def test_a_spot_of_tiny_triangles_grows_at_once():
@@ -192,6 +348,7 @@ def test_a_coarse_coil_becomes_a_true_sphere():
     areas = measures.face_areas(last.vertices, wound(*COIL).faces)
     assert last.stop_reason == StopReason.STALLED
     assert "together" in last.stop_detail
+    assert Control(*last.checkpoint()["control"]).waited == FINISHED
     assert last.sphericity >= 0.9955
     assert last.metrics().inward_faces == 0
     assert areas.min() > 1e-4 * areas.mean()

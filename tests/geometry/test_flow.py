@@ -126,6 +126,10 @@ class TestReasonsToStop:
         assert last.metrics().radius_variation < ROBUST.stop_radius_variation
         assert last.stop_reason is StopReason.CONVERGED
 
+    def test_converged_though_nothing_makes_the_step_smaller(self):
+        *_, last = flow(sample("stone", 500), replace(ROBUST, annealing=None, iterations=400))
+        assert last.stop_reason is StopReason.CONVERGED
+
     def test_stalled(self):
         config = replace(ROBUST, annealing=Annealing(3, 0.5, 0.01), unfolding=None)
         last = run(sample("cube", 26), config)[-1]

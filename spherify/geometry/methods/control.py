@@ -23,7 +23,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from spherify.geometry.config import LATE, FlowConfig, Unfolding
-from spherify.geometry.finish import STEPS
+from spherify.geometry.finish import MOST, STEPS, steps_of
 from spherify.geometry.mesh import Floats
 from spherify.geometry.progress import Progress
 from spherify.geometry.roundness import Shape
@@ -56,9 +56,6 @@ OF_UNIT: Final = {  # after a step
 STANDSTILL: Final = "the curvature is the same at every vertex, so the transformation does not move any"
 STILL_WOUND: Final = (
     "the surface, wound around itself, could not be unwound: the run went back to before that was tried"
-)
-NO_ROUNDER: Final = (
-    f"radii and directions together did not raise the sphericity by {RISE:g} in {FINISHED * STEPS} steps"
 )
 
 
@@ -163,9 +160,9 @@ class Control(NamedTuple):
         annealing = config.annealing
         return annealing is not None and config.step * self.annealing < annealing.min_step
 
-    def short(self, shape: Shape) -> bool:
-        """Whether a run that goes along the radii has not become round enough to end with that."""
-        return self.phase == Phase.STAR and shape.sphericity < SHORT
+    def short(self, shape: Shape, n: int) -> bool:
+        """Whether a run of n vertices that goes along the radii is to be finished: it has not become round enough."""
+        return self.phase == Phase.STAR and shape.sphericity < SHORT and n <= MOST
 
     def no_better(self, config: FlowConfig) -> bool:
         """Whether the part on the sphere has waited for anything to get better as long as it may."""
@@ -239,6 +236,14 @@ class Next(NamedTuple):
     control: Control
     position: Floats
     centre: Floats
+
+
+def no_rounder(n: int) -> str:
+    """Return why what finishes n vertices ends."""
+    return (
+        f"radii and directions together did not raise the sphericity by {RISE * steps_of(n) / STEPS:g} "
+        f"in {FINISHED * steps_of(n)} steps"
+    )
 
 
 def grown(momentum: float) -> float:

@@ -31,7 +31,6 @@ from spherify.geometry.methods.control import (
     FINISHED,
     GIVEN_UP,
     LOOKED_EVERY,
-    NO_ROUNDER,
     OF_UNIT,
     PLATEAU_RISE,
     STANDSTILL,
@@ -40,6 +39,7 @@ from spherify.geometry.methods.control import (
     Control,
     Next,
     Phase,
+    no_rounder,
     round_enough,
 )
 from spherify.geometry.methods.interface import Breakdown, Standstill, Step
@@ -147,8 +147,9 @@ class CurvatureTransformation:
     def settled(self, progress: Progress) -> bool:
         """See `Method.settled`: not on the sphere, nor while what follows that still raises the sphericity."""
         control = self._control(progress)
-        if control.phase in {Phase.SMOOTHING, Phase.STAR} and control.plateau >= ROUND:
-            return control.waited >= LOOKED_EVERY
+        soon, nothing_else_ends_it = control.plateau >= ROUND, self._config.annealing is None
+        if control.phase in {Phase.SMOOTHING, Phase.STAR} and (soon or nothing_else_ends_it):
+            return control.waited >= (LOOKED_EVERY if soon else WAITED)
         return control.phase == Phase.NORMALS or self.stalled(progress) is not None
 
     def stalled(self, progress: Progress) -> str | None:
@@ -165,8 +166,8 @@ class CurvatureTransformation:
                 f"that look inward, at best {control.fewest:.0f}, fell in {control.waited:.0f} iterations on the sphere"
             )
         if control.phase == Phase.FINISH:
-            return NO_ROUNDER if control.waited >= FINISHED else None
-        if not control.annealed_down(self._config) or control.short(progress.shape):
+            return no_rounder(self._n) if control.waited >= FINISHED else None
+        if not control.annealed_down(self._config) or control.short(progress.shape, self._n):
             return None
         return (
             f"the best sphericity {progress.best_shape.sphericity:.6f} did not rise by {PLATEAU_RISE:g} while the "
@@ -297,7 +298,7 @@ class CurvatureTransformation:
             centre = nearer(self._kernel, here, centre, progress.shape.centroid)
         if control.phase == Phase.SPHERE and control.no_better(self._config):  # some triangles make no room
             control = control.as_star(progress.shape)
-        elif control.short(progress.shape) and control.annealed_down(self._config):
+        elif control.short(progress.shape, self._n) and control.annealed_down(self._config):
             control = control.as_finish(progress.shape)
         return Next(control, here, centre)
 
