@@ -18,8 +18,9 @@ Laplacian, for which a triangle has the weights ½ cot/A, and ½ cot · BARRIER 
 all three coordinates, and factorised now and then. As in Kovalsky, Galun and Lipman, "Accelerated quadratic proxy for
 geometric optimization", 2016, whose Laplacian stays that of the start.
 
-Moves are halved until E falls, and no triangle passes the barrier: whatever looks outward from the centre still does.
-The energy and its Laplacian are ours.
+Where triangles differ by more than the digits of a number the factors are noise: if no share of a step that is by them
+alone falls, steps are by the diagonal until the Laplacian is made anew. Moves are halved until E falls, and no triangle
+passes the barrier: whatever looks outward from the centre still does. The energy and its Laplacian are ours.
 """
 
 from __future__ import annotations
@@ -134,9 +135,9 @@ def finished(
         move = -memory.solved(at.gradient, metric)
         found = _fallen(P, at, move, energy)
         if found is None:
-            if not memory.pairs:
+            if not memory.pairs and metric.by_diagonal:
                 break
-            memory = _Memory()
+            metric.by_diagonal, memory = not memory.pairs, _Memory()
             continue
         moved, there = found
         memory.remember(moved - P, there.gradient - at.gradient)
@@ -160,7 +161,9 @@ class _Metric:
         self._edges = np.stack([keys // n, keys % n], axis=1)
         self._solver = SymmetricSolver(n, self._edges)
         self._factors: Callable[[Floats], Floats]
+        self._diagonal: Floats
         self._shares: Floats  # (n, 1) of what moves all alike
+        self.by_diagonal = False  # for triangles that differ by more than factors have digits
 
     def refreshed(self, P: Floats) -> bool:
         """Make it anew for positions (n, 3) from the centre; whether it can be factorised."""
@@ -179,16 +182,23 @@ class _Metric:
             at_vertices = measures.sum_at_vertices(areas, self._F, self._n)
             centroid = (at_vertices[:, None] * P).sum(axis=0) / at_vertices.sum()
             held = at_vertices if (abs(centroid) < ABOUT).all() else diagonal
-            self._factors, self._shares = factors, (held / held.sum())[:, None]
+            self._factors, self._diagonal, self._shares = (
+                factors,
+                diagonal[:, None],
+                (held / held.sum())[:, None],
+            )
+            self.by_diagonal = False
         return factors is not None
 
     def solve(self, B: Floats) -> Floats:
         """(n, 3) X of L X = B, but for what would move all alike, of which L knows nothing.
 
-        A centroid that is the centre stays it; another one may come nearer.
+        A centroid that is the centre stays it; another one may come nearer. With ``by_diagonal`` L is its diagonal.
         """
-        X = self._factors(B - self._shares * B.sum(axis=0))
-        return X - (self._shares * X).sum(axis=0)
+        B = B - self._shares * B.sum(axis=0)
+        X = B / self._diagonal if self.by_diagonal else self._factors(B)
+        moves: Floats = X - (self._shares * X).sum(axis=0)
+        return moves
 
 
 def _as_seen(P: Floats, F: Ints) -> tuple[Floats, Ints]:

@@ -256,6 +256,20 @@ def test_triangles_seen_edge_on_do_not_stop_it():
     assert roundness(finished(V, mesh.faces, np.zeros(3)), mesh) > 0.998 > roundness(V, mesh) + 0.002
 
 
+def test_where_factors_tell_nothing_apart_steps_are_by_the_diagonal(monkeypatch):
+    """A sphere pressed to a thread, triangles of which differ by more than the digits of a number."""
+    mesh = uneven_sphere(12)
+    V = np.asfortranarray(measures.normalised(mesh.vertices * [1e-3, 1e-7, 1]))
+    assert inward_faces(V, mesh.faces, np.zeros(3)) == 0
+    begun = roundness(V, mesh)
+    moved = [finished(V, mesh.faces, np.zeros(3), steps=600)]
+    monkeypatch.setattr(_Metric, "by_diagonal", property(lambda _: True, lambda *_: None), raising=False)
+    monkeypatch.setattr(_Metric, "solve", lambda self, B: self._factors(B - self._shares * B.sum(axis=0)))
+    moved.append(finished(V, mesh.faces, np.zeros(3), steps=600))
+    assert roundness(moved[0], mesh) > 50 * begun
+    assert roundness(moved[1], mesh) < 10 * begun
+
+
 @pytest.mark.parametrize("size", [1e-30, 1e30])
 def test_the_size_means_nothing(size):
     mesh = uneven_sphere(6)
