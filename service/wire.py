@@ -11,9 +11,7 @@ from service.problems import ProblemError
 
 MALFORMED: Final = "this is not HTTP/1.1 as RFC 9112 has it"
 MOST_TARGET: Final = 8 * 1024  # bytes of an address with its query; RFC 9112, 3, asks for 8,000 at least
-MOST_HEAD: Final = (
-    64 * 1024
-)  # bytes of a request before its body: pages on other ports of localhost share cookies
+MOST_HEAD: Final = 64 * 1024  # bytes before a body: all ports of localhost share their cookies
 _ABSOLUTE: Final = re.compile(rb"https?://([^/?]+)(.*)", re.IGNORECASE)
 TOO_LARGE: Final = ProblemError("headers-too-large", f"the headers have more than {MOST_HEAD} bytes")
 

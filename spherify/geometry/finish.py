@@ -38,9 +38,7 @@ from spherify.geometry.mesh import Floats, Ints
 LOWER: Final = 0.03  # of the barrier; less leaves triangles of less area, and is no rounder
 STEPS: Final = 200  # in an iteration, at most: what is remembered of them does not outlive it
 FEWEST: Final = 8
-WORK: Final = (
-    600_000  # steps times vertices of an iteration, a third of a second: it is heard between two; 2 s of MOST
-)
+WORK: Final = 600_000  # steps times vertices of an iteration: a third of a second; it is heard between two
 MOST: Final = 100_000  # vertices; factors of more take too long and too much memory
 REFRESHED: Final = 30  # steps, after which the Laplacian is made anew
 REMEMBERED: Final = 20  # moves
@@ -137,7 +135,7 @@ def finished(
         if found is None:
             if not memory.pairs and metric.by_diagonal:
                 break
-            metric.by_diagonal, memory = not memory.pairs, _Memory()
+            metric.by_diagonal, memory = metric.by_diagonal or not memory.pairs, _Memory()
             continue
         moved, there = found
         memory.remember(moved - P, there.gradient - at.gradient)
@@ -182,11 +180,8 @@ class _Metric:
             at_vertices = measures.sum_at_vertices(areas, self._F, self._n)
             centroid = (at_vertices[:, None] * P).sum(axis=0) / at_vertices.sum()
             held = at_vertices if (abs(centroid) < ABOUT).all() else diagonal
-            self._factors, self._diagonal, self._shares = (
-                factors,
-                diagonal[:, None],
-                (held / held.sum())[:, None],
-            )
+            self._factors, self._diagonal = factors, diagonal[:, None]
+            self._shares = (held / held.sum())[:, None]
             self.by_diagonal = False
         return factors is not None
 
