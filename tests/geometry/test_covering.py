@@ -8,12 +8,13 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from spherify.geometry import measures, reinsertion
+from spherify.geometry import measures
 from spherify.geometry.covering import covering
 from spherify.geometry.flow import FlowState, StopReason, flow
 from spherify.geometry.kernels import ENGINES, get_engine
+from spherify.geometry.kernels.thinning import CompiledThinning
 from spherify.geometry.mesh import TriangleMesh
-from spherify.geometry.methods import curvature
+from spherify.geometry.methods import decisions
 from spherify.geometry.methods.control import Control, Phase
 from spherify.geometry.presets import PRESETS
 from spherify.geometry.samples.solids import icosphere
@@ -147,8 +148,8 @@ def test_what_is_lost_with_all_rounds_is_unfolded_with_fewer(coil):
 
 @pytest.mark.parametrize("coil", COARSE_COILS)
 def test_what_cannot_be_unwound_ends_as_it_was_and_not_collapsed(coil, monkeypatch):
-    monkeypatch.setattr(curvature, "LEAST_ROUNDS", ROBUST.unfolding.rounds)
-    monkeypatch.setattr(reinsertion, "MOST", 0)
+    monkeypatch.setattr(decisions, "LEAST_ROUNDS", ROBUST.unfolding.rounds)
+    monkeypatch.setattr(CompiledThinning, "most", 0)
     controls, sphericities, last = run.__wrapped__(*coil)
     phases = [control.phase for control in controls]
     assert last.stop_reason == StopReason.STALLED
@@ -199,8 +200,8 @@ def test_beginning_anew_resumes_bit_by_bit():
 
 
 def test_giving_up_resumes_bit_by_bit(monkeypatch):
-    monkeypatch.setattr(curvature, "LEAST_ROUNDS", ROBUST.unfolding.rounds)
-    monkeypatch.setattr(reinsertion, "MOST", 0)
+    monkeypatch.setattr(decisions, "LEAST_ROUNDS", ROBUST.unfolding.rounds)
+    monkeypatch.setattr(CompiledThinning, "most", 0)
     mesh = wound(1.5, 10, 80)
     whole = list(flow(mesh, ROBUST, engine="compiled"))
     given_up = [Control(*state.checkpoint()["control"]).given_up for state in whole]

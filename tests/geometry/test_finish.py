@@ -28,7 +28,6 @@ from spherify.geometry.finish import (
 from spherify.geometry.flow import FlowState, StopReason, flow
 from spherify.geometry.kernels import ENGINES, get_engine
 from spherify.geometry.methods import control
-from spherify.geometry.methods.anew import set_anew
 from spherify.geometry.methods.control import FINISHED, SHORT, Control, Phase
 from spherify.geometry.presets import PRESETS
 from spherify.geometry.quality import inward_faces
@@ -286,7 +285,6 @@ def test_a_rise_that_is_too_small_counts_as_none():
 
 
 def test_the_engine_computes_the_energies(monkeypatch):
-    """Of the last of a run, and where directions are set anew."""
     begun, asked = next(state for state in run() if phase(state) == Phase.FINISH), []
 
     def counted(F, barrier):
@@ -295,10 +293,6 @@ def test_the_engine_computes_the_energies(monkeypatch):
 
     monkeypatch.setattr("spherify.geometry.kernels.compiled.energies", counted)
     mesh = wound(*COIL)
-    method = kernel(mesh, "compiled")
-    assert set_anew(method, mesh.faces, [run()[0].vertices], CENTRE) is not None
-    assert len(asked) > 3
-    asked.clear()
     next(flow(mesh, ROBUST, engine="compiled", resume=begun.checkpoint()))
     assert asked == [len(mesh.faces)]
 

@@ -16,7 +16,7 @@ from spherify.geometry.flow import StopReason, flow
 from spherify.geometry.kernels import ENGINES, get_engine
 from spherify.geometry.mesh import TriangleMesh
 from spherify.geometry.methods.control import LOOKED_EVERY, Control, Phase
-from spherify.geometry.methods.curvature import TURNED
+from spherify.geometry.methods.decisions import TURNED
 from spherify.geometry.presets import PRESETS
 from spherify.geometry.quality import inward_faces
 from spherify.geometry.samples.implicit import surface

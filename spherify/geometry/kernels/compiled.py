@@ -26,7 +26,10 @@ from spherify.geometry.kernels.passes.energy import energy
 from spherify.geometry.kernels.passes.fans import walk
 from spherify.geometry.kernels.passes.jit import code_for, kept
 from spherify.geometry.kernels.passes.levels import by_levels
+from spherify.geometry.kernels.passes.merging import faces, take_level
 from spherify.geometry.kernels.passes.movement import unload
+from spherify.geometry.kernels.passes.narrow import find
+from spherify.geometry.kernels.passes.placing import put_back, relax
 from spherify.geometry.kernels.passes.quality import judge
 from spherify.geometry.kernels.passes.radii import along_radii
 from spherify.geometry.kernels.passes.spreading import spread
@@ -57,8 +60,10 @@ from spherify.geometry.kernels.positions import Positions
 from spherify.geometry.kernels.reference import ReferenceKernel
 from spherify.geometry.kernels.sphere import OnTheSphere
 from spherify.geometry.kernels.team import Team
+from spherify.geometry.kernels.thinning import CompiledThinning
 from spherify.geometry.mesh import Floats
 from spherify.geometry.metrics import Figures
+from spherify.geometry.reinsertion import drawn
 from spherify.geometry.roundness import ALL, Shape, Wanted
 from spherify.geometry.topology import Topology
 
@@ -75,10 +80,18 @@ ENTRIES: Final[Sequence[Callable[..., Any]]] = (
     spread,
     ascend,
     energy,
+    find,
+    take_level,
+    faces,
+    put_back,
+    relax,
     unload,
     see,
 )
 """All that Python calls."""
+OCTAHEDRON: Final = np.array(
+    [[0, 1, 2], [1, 3, 2], [3, 4, 2], [4, 0, 2], [1, 0, 5], [3, 1, 5], [4, 3, 5], [0, 4, 5]]
+)
 WORTH_SHARING: Final = 8_000  # vertices; below, handing out the parts takes as long as they do
 
 CACHED: Final = 120_000  # vertices; of more, the caches of a processor do not hold what a step goes over
@@ -148,6 +161,7 @@ class CompiledKernel:
         self.spread = self._sphere.spread
         self.ascend = self._sphere.ascend
         self.energies = energies
+        self.thinning = CompiledThinning
         self.covering = self._sphere.covering
         self.centre_inside = self._sphere.centre_inside
         self.folds = self._sphere.folds
@@ -349,3 +363,4 @@ class CompiledEngine:
         kernel.spread(corners, centre, 1)
         kernel.ascend(corners, corners, centre, 0.0)
         kernel.energies(faces, 1.0)(corners - centre)
+        drawn(np.ones((6, 3)), OCTAHEDRON, kernel.thinning)

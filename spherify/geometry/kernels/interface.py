@@ -11,6 +11,7 @@ from spherify.geometry.finish import Energy
 from spherify.geometry.mesh import Floats, Ints
 from spherify.geometry.metrics import Figures
 from spherify.geometry.roundness import ALL, Shape, Wanted
+from spherify.geometry.thinning import Thinning
 from spherify.geometry.topology import Topology
 from spherify.geometry.unfolding import Unfolded
 
@@ -87,6 +88,11 @@ class Kernel(Protocol):
 
     def energies(self, F: Ints, barrier: float) -> Callable[[Floats], Energy | None]:
         """Do what `spherify.geometry.finish.energies` does."""
+        ...
+
+    @property
+    def thinning(self) -> type[Thinning]:
+        """What takes vertices out and puts them back, see `spherify.geometry.thinning`."""
         ...
 
     def covering(self, V: Floats, centre: Floats) -> Covering:

@@ -15,7 +15,9 @@ from spherify.geometry.curvature import curvature_from
 from spherify.geometry.finish import Energy, energies
 from spherify.geometry.mesh import Floats, Ints
 from spherify.geometry.metrics import Figures, figures_of
+from spherify.geometry.plain_thinning import PlainThinning
 from spherify.geometry.roundness import ALL, Shape, Wanted, shape_of
+from spherify.geometry.thinning import Thinning
 from spherify.geometry.topology import Topology
 from spherify.geometry.unfolding import Unfolded, ahead_along_radii, evened_out, folds, spread, unfolded
 
@@ -75,6 +77,11 @@ class ReferenceKernel:
     def energies(self, F: Ints, barrier: float) -> Callable[[Floats], Energy | None]:
         """See `spherify.geometry.kernels.interface.Kernel.energies`."""
         return energies(F, barrier)
+
+    @property
+    def thinning(self) -> type[Thinning]:
+        """See `spherify.geometry.kernels.interface.Kernel.thinning`."""
+        return PlainThinning
 
     def covering(self, V: Floats, centre: Floats) -> Covering:
         """See `spherify.geometry.kernels.interface.Kernel.covering`."""

@@ -48,6 +48,9 @@ RISE: Final = 5e-6  # of the sphericity in STEPS, for another iteration of that
 FINISHED: Final = 2  # iterations of FINISH without that: Ψ may fall for a while as the barrier is left
 CAREFUL: Final = 0.1  # of the step, that T along the radii begins with; longer ones make it rough again
 
+SET: Final = 1.0
+GONE_ON: Final = 2.0
+
 OF_UNIT: Final = {  # after a step
     "absolute": "",
     "initial-mean-edge": " of the mean edge at the start",
@@ -86,6 +89,7 @@ class Control(NamedTuple):
         variation: the radius variation that has to be fallen short of for the waiting to begin anew.
         largest: the least area that has to be exceeded for it, once no face looks inward.
         rounds: share of the rounds of unfolding that are done; halved each time SPHERE begins anew.
+        anew: SET once directions were set anew, or were to be and could not; GONE_ON once T has gone on from that.
 
     """
 
@@ -101,6 +105,7 @@ class Control(NamedTuple):
     variation: float = np.inf
     largest: float = 0.0
     rounds: float = 1.0
+    anew: float = 0.0
 
     @classmethod
     def of(cls, progress: Progress) -> Control:
@@ -110,7 +115,7 @@ class Control(NamedTuple):
     def on_the_sphere(self, inward: int, least_area: float) -> Control:
         """Return it as SPHERE begins, with what the directions are like."""
         begun = Control(0.0, 1.0, 0.0, 0, Phase.SPHERE, self.times + 1, inward, least_area)
-        return begun._replace(rounds=self.rounds)
+        return begun._replace(rounds=self.rounds, anew=self.anew)
 
     def more_carefully(self) -> Control:
         """Return it as what precedes SPHERE, for that to begin anew."""
@@ -152,7 +157,7 @@ class Control(NamedTuple):
             if self.phase == Phase.NORMALS and not self.times and unfolding is not None:
                 low = shape.sphericity < unfolding.sphericity and shape.radius_variation < ROUND_ENOUGH
                 if over or low:  # as round as T along the normals makes it
-                    return Control(0.0, annealing, plateau, 0, Phase.FOLDED)
+                    return Control(0.0, annealing, plateau, 0, Phase.FOLDED, anew=self.anew)
         return self._replace(momentum=momentum, annealing=annealing, plateau=plateau, waited=waited)
 
     def annealed_down(self, config: FlowConfig) -> bool:
@@ -172,11 +177,20 @@ class Control(NamedTuple):
 
     def as_star(self, shape: Shape) -> Control:
         """Return it as STAR begins."""
-        return Control(0.0, CAREFUL, shape.sphericity, 0, Phase.STAR, self.times)
+        return Control(0.0, CAREFUL, shape.sphericity, 0, Phase.STAR, self.times, anew=self.anew)
 
     def as_finish(self, shape: Shape) -> Control:
         """Return it as FINISH begins."""
-        return Control(0.0, self.annealing, shape.sphericity, 0, Phase.FINISH, self.times)
+        return Control(0.0, self.annealing, shape.sphericity, 0, Phase.FINISH, self.times, anew=self.anew)
+
+    def set_anew(self, shape: Shape, n: int) -> Control:
+        """Return it as what follows begins with directions set anew, of n vertices: a drawing, that is to get round."""
+        begun = self.as_finish(shape) if n <= MOST else self.as_star(shape)
+        return begun._replace(anew=SET)
+
+    def goes_on(self, shape: Shape) -> bool:
+        """Whether T goes on along the radii of what was set anew: it has become round enough."""
+        return self.phase == Phase.FINISH and self.anew == SET and shape.sphericity >= SHORT
 
     def climbed(self, shape: Shape, steps: int) -> Control:
         """Return it after an iteration of FINISH, of so many steps."""
@@ -210,7 +224,7 @@ class Control(NamedTuple):
         unfolded = not found.inward and found.least_area >= VANISHING
         if unfolded and (shape.radius_variation < SETTLED or waited > WAITED):
             if self.times == 1 and self.rounds == 1 and found.least_area >= THIN:
-                return Control(0.0, 1.0, shape.sphericity, 0, Phase.SMOOTHING, self.times)
+                return Control(0.0, 1.0, shape.sphericity, 0, Phase.SMOOTHING, self.times, anew=self.anew)
             return self.as_star(shape)
         return self._replace(
             plateau=plateau,

@@ -14,22 +14,18 @@ schemes", 2015.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from functools import cached_property
 from typing import Final
 
 import numpy as np
 
 from spherify.geometry.ascent import MOMENTUM
-from spherify.geometry.config import LATE, FlowConfig, Stage, Unfolding
-from spherify.geometry.covering import on_a_sphere
+from spherify.geometry.config import FlowConfig, Stage, Unfolding
 from spherify.geometry.finish import finished, steps_of
 from spherify.geometry.kernels import Engine, Kernel
 from spherify.geometry.mesh import Floats
-from spherify.geometry.methods.anew import nearer, set_anew
 from spherify.geometry.methods.control import (
     FINISHED,
-    GIVEN_UP,
     LOOKED_EVERY,
     OF_UNIT,
     PLATEAU_RISE,
@@ -40,23 +36,17 @@ from spherify.geometry.methods.control import (
     Next,
     Phase,
     no_rounder,
-    round_enough,
 )
+from spherify.geometry.methods.decisions import Decisions, refuge
 from spherify.geometry.methods.interface import Breakdown, Standstill, Step
 from spherify.geometry.metrics import Figures
 from spherify.geometry.progress import Layout, Memory, Progress
-from spherify.geometry.reinsertion import MOST
 from spherify.geometry.roundness import ALL, Shape, Wanted
 from spherify.geometry.schedule import stage_at
 from spherify.geometry.topology import Topology
 from spherify.geometry.unfolding import Unfolded
 
 ROUND: Final = 0.999  # sphericity from which on equal radii soon end a run; a lower one may still rise
-TURNED: Final = 0.1  # share of the sphere that inward faces may cover; more are no folds but a cavity
-FALLEN: Final = 0.01  # of the sphericity; by less it goes to and fro while it rises
-LONG_FOLDED: Final = 2000  # iterations, after as many of which folds are no longer waited for
-OFTEN: Final = 4  # times that the part on the sphere has begun, after which directions are no more set anew
-LEAST_ROUNDS: Final = 2  # of unfolding after an iteration, however often it began anew
 WEIGHT_DAMPING: Final = 1.2  # over the exponent: share of the way the weights go; more, and they swing
 
 
@@ -86,20 +76,24 @@ class CurvatureTransformation:
             _ = self._prepared
 
     @cached_property
-    def _prepared(self) -> tuple[Kernel, Unfolding | None]:
-        """What computes, and how what folds is unfolded, None if at all; when first needed: of a sphere neither is."""
-        ball = self._weighed and self._topology.n_components == 1
+    def _prepared(self) -> tuple[Kernel, Decisions | None]:
+        """What computes, and what decides about folds, if anything does; when first needed: for a sphere neither is."""
+        unfolding = self._config.unfolding if self._weighed and self._topology.n_components == 1 else None
         kernel = self._engine.prepare(self._topology, self._config)
         del self._topology  # which takes as much memory as what was made of it
-        return kernel, self._config.unfolding if ball else None
+        return kernel, None if unfolding is None else Decisions(kernel, self._config, unfolding, self._faces)
 
     @property
     def _kernel(self) -> Kernel:
         return self._prepared[0]
 
     @property
-    def _unfolding(self) -> Unfolding | None:
+    def _decisions(self) -> Decisions | None:
         return self._prepared[1]
+
+    @property
+    def _unfolding(self) -> Unfolding | None:
+        return None if self._decisions is None else self._decisions.unfolding
 
     @property
     def layout(self) -> Layout:
@@ -159,8 +153,11 @@ class CurvatureTransformation:
             return None
         if control.given_up:
             return STILL_WOUND if control.waited >= LOOKED_EVERY else None
-        lasting = control.inward > 0 and not self._anew_yet(control)
-        if lasting and control.no_better(self._config) and not self._once_more(control):
+        if (
+            control.no_better(self._config)
+            and self._decisions is not None
+            and self._decisions.at_an_end(control)
+        ):
             return (
                 f"neither the radius variation, now {progress.shape.radius_variation:.2e}, nor the number of faces "
                 f"that look inward, at best {control.fewest:.0f}, fell in {control.waited:.0f} iterations on the sphere"
@@ -180,13 +177,13 @@ class CurvatureTransformation:
         previous = progress.memory["previous"]
         stage, step = stage_at(self._config.schedule, progress.iteration), self.step(progress)
         self._folds = None
-        if control.phase == Phase.SPHERE:
+        if control.phase == Phase.SPHERE and (decisions := self._decisions) is not None:
             found = self._on_the_sphere(here, centre, control, stage, progress.memory["log_weights"])
             if control.inward and not self._kernel.shape(found.positions).volume > 0:
-                self._decided = progress, self._anew(progress, control)
+                self._decided = progress, decisions.anew(progress, control)
                 return self.advance(progress)
             if control.spreads and (found.inward or not found.least_area > 0):
-                anew = self._reinserted([here], centre, control)  # rounding cannot tell triangles apart
+                anew = decisions.set_anew(here, centre, control)  # rounding cannot tell triangles apart
                 if anew is not None:
                     self._decided = progress, anew
                     return self.advance(progress)
@@ -212,12 +209,12 @@ class CurvatureTransformation:
     def rescued(self, progress: Progress) -> Floats | None:
         """See `Method.rescued`: what looks outward is finished, else directions are set anew from the best state on."""
         control, here, centre = self._next(progress)
-        if self._unfolding is None or control.given_up or control.phase == Phase.FINISH:
+        if self._decisions is None or control.given_up or control.phase == Phase.FINISH:
             return None
         if control.phase == Phase.STAR:
             found: Next | None = Next(control.as_finish(progress.shape), here, centre)
         else:
-            found = self._reinserted([progress.best_position], progress.best_shape.centroid, control)
+            found = self._decisions.set_anew(progress.best_position, progress.best_shape.centroid, control)
         if found is None:
             return None
         self._decided = progress, found
@@ -231,7 +228,8 @@ class CurvatureTransformation:
         """
         control, here, before = self._next(progress)
         weights, centre = progress.memory["log_weights"], shape.centroid
-        if control.phase in {Phase.SPHERE, Phase.STAR, Phase.FINISH}:  # a centre that drifts makes folds
+        rises = control.phase in {Phase.STAR, Phase.FINISH}
+        if rises or control.phase == Phase.SPHERE:  # a centre that drifts makes folds
             centre = shape.centroid + factor * (before - shape.centroid)
         if control.phase == Phase.FINISH:
             after = control.climbed(shape, steps_of(self._n))
@@ -242,7 +240,9 @@ class CurvatureTransformation:
             if control.inward:
                 weights = self._folds.log_weights
         return {
-            "previous": here if control.phase in {Phase.STAR, Phase.FINISH} else self._refuge(progress),
+            "previous": here
+            if control.phase in {Phase.STAR, Phase.FINISH}
+            else refuge(progress, self._control(progress)),
             "control": np.array(after),
             "centre": centre,
             "log_weights": weights,
@@ -261,121 +261,10 @@ class CurvatureTransformation:
         return self._decided[1]
 
     def _decision(self, progress: Progress) -> Next:
-        control, looked = self._control(progress), progress.iteration % LOOKED_EVERY == 0
-        here, centre, reached = progress.position, progress.memory["centre"], progress.shape.sphericity
-        if self._unfolding is None:
-            return Next(control, here, centre)
-        if control.phase == Phase.SMOOTHING:
-            annealing = self._config.annealing
-            over = control.waited >= (WAITED if annealing is None else annealing.patience)
-            if looked or over:
-                control, centre = self._smoothed(progress, control, over=over), progress.shape.centroid
-        elif control.phase == Phase.FOLDED:
-            # Of what gets no rounder the last state may be worse, and all directions be turned.
-            return self._onto_the_sphere(progress, control, progress.best_position)
-        elif (
-            control.phase == Phase.NORMALS
-            and looked
-            and not control.given_up
-            and reached >= round_enough(progress.iteration, self._unfolding.sphericity)
-        ):
-            seen = self._kernel.covering(here, centre)
-            if seen.turned < TURNED and seen.degree == 1:
-                control = self._begun(here, centre, control)
-            elif progress.iteration >= LATE and reached >= progress.best_shape.sphericity - FALLEN:
-                # T may unwind it, but takes long. What was rounder before waits for FOLDED, which goes back to that.
-                return self._about_another_point(here, centre, control) or Next(control, here, centre)
-        elif control.phase == Phase.SPHERE and control.inward:
-            return self._while_folded(progress, control, looked=looked)
-        else:
-            return self._while_outward(progress, control, looked=looked)
-        return Next(control, here, centre)
-
-    def _while_outward(self, progress: Progress, control: Control, *, looked: bool) -> Next:
-        """Return what the next iteration begins with once no face looks inward from the centre."""
-        here, centre = progress.position, progress.memory["centre"]
-        if control.phase == Phase.FINISH or (control.phase == Phase.STAR and looked):
-            centre = nearer(self._kernel, here, centre, progress.shape.centroid)
-        if control.phase == Phase.SPHERE and control.no_better(self._config):  # some triangles make no room
-            control = control.as_star(progress.shape)
-        elif control.short(progress.shape, self._n) and control.annealed_down(self._config):
-            control = control.as_finish(progress.shape)
-        return Next(control, here, centre)
-
-    def _while_folded(self, progress: Progress, control: Control, *, looked: bool) -> Next:
-        """Return what the next iteration on the sphere begins with while faces look inward."""
-        here, centre = progress.position, progress.memory["centre"]
-        # What moves far may pass the centre.
-        lost = looked and self._kernel.covering(here, centre).degree != 1
-        if lost or control.no_better(self._config):
-            return self._anew(progress, control)
-        if progress.iteration % LONG_FOLDED == 0:
-            return self._reinserted([here], centre, control) or Next(control, here, centre)
-        return Next(control, here, centre)
-
-    def _onto_the_sphere(self, progress: Progress, control: Control, here: Floats) -> Next:
-        """Go on to the sphere from ``here`` (n, 3), about a point that it goes around once."""
-        centre = self._kernel.shape(here).centroid
-        if self._kernel.covering(here, centre).degree == 1:
-            return Next(self._begun(here, centre, control), here, centre)
-        return self._about_another_point(here, centre, control) or self._given_up(progress, control)
-
-    def _about_another_point(self, V: Floats, centre: Floats, control: Control) -> Next | None:
-        """Go on to the sphere from V (n, 3) about a point near the centre that it goes around once, if one is found."""
-        inside = self._kernel.centre_inside(V, centre)
-        if inside is None:
-            return None
-        here = on_a_sphere(V, inside)  # uneven radii about it may enclose less than nothing
-        return Next(self._begun(here, inside, control), here, inside)
-
-    def _anew(self, progress: Progress, control: Control) -> Next:
-        """Begin the part on the sphere anew from the refuge, or give it up if that was done often enough."""
-        if not self._once_more(control):
-            return self._given_up(progress, control)
-        return self._onto_the_sphere(progress, control.more_carefully(), self._refuge(progress))
-
-    def _once_more(self, control: Control) -> bool:
-        """Whether folds may be tried to undo once more, with half as many rounds."""
-        return control.inward > 0 and self._rounds * control.rounds / 2 >= LEAST_ROUNDS
-
-    def _anew_yet(self, control: Control) -> bool:
-        """Whether directions may be set anew: that is not too much, and was not done often already."""
-        return control.times <= OFTEN and self._n <= MOST
-
-    def _reinserted(self, starts: Iterable[Floats], centre: Floats, control: Control) -> Next | None:
-        """Go on from one of these, (n, 3) each, with directions set anew, if they can be."""
-        here = set_anew(self._kernel, self._faces, starts, centre) if self._anew_yet(control) else None
-        return None if here is None else Next(self._begun(here, centre, control), here, centre)
-
-    def _given_up(self, progress: Progress, control: Control) -> Next:
-        """Set directions anew; or go back to the refuge, and on along the normals: nothing else leads further."""
-        centre = progress.memory["centre"]
-        starts = (progress.position, self._refuge(progress), progress.best_position)
-        anew = self._reinserted(starts, centre, control)
-        if anew is not None:
-            return anew
-        annealing = self._config.annealing
-        least = control.annealing if annealing is None else annealing.min_step / self._config.step
-        again = Control(0.0, min(control.annealing, least), GIVEN_UP, 0, times=max(control.times, 1.0))
-        return Next(again, self._refuge(progress), centre)
-
-    def _refuge(self, progress: Progress) -> Floats:
-        """(n, 3) what to go back to: on the sphere what it began with, and of what gets no rounder the roundest."""
-        return {
-            Phase.SPHERE: progress.memory["previous"],
-            Phase.FOLDED: progress.best_position,
-        }.get(Phase(int(self._control(progress).phase)), progress.position)
-
-    def _smoothed(self, progress: Progress, control: Control, *, over: bool) -> Control:
-        """Return the control if something may have folded while T went on along the normals, ``over`` or not."""
-        begun = self._begun(progress.position, progress.shape.centroid, control)
-        if begun.folded:
-            return begun
-        return control.as_star(progress.shape) if over else control
-
-    def _begun(self, V: Floats, centre: Floats, control: Control) -> Control:
-        """Return the control with which a part on the sphere begins, from V (n, 3) and about the centre."""
-        return control.on_the_sphere(*self._kernel.folds(V, centre))
+        control = self._control(progress)
+        if self._decisions is None:
+            return Next(control, progress.position, progress.memory["centre"])
+        return self._decisions.after(progress, control)
 
     def _on_the_sphere(
         self, V: Floats, centre: Floats, control: Control, stage: Stage, log_weights: Floats

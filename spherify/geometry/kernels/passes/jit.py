@@ -21,7 +21,8 @@ from numba.core.compiler import Compiler
 from numba.core.runtime.nrt import rtsys
 
 GEOMETRY = Path(__file__).parents[2]
-CONSTANTS_OF = ("transformation.py", "unfolding.py", "ascent.py")  # their constants are in the machine code
+# Their constants are in the machine code.
+CONSTANTS_OF = ("transformation.py", "unfolding.py", "ascent.py", "thinning.py")
 
 config: Any = _config  # its attributes are made when it is imported
 F = TypeVar("F", bound=Callable[..., Any])
