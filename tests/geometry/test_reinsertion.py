@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
-from itertools import islice
+from itertools import groupby, islice
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ from spherify.geometry.methods.control import Control, Phase
 from spherify.geometry.plain_thinning import PlainThinning
 from spherify.geometry.presets import PRESETS
 from spherify.geometry.reinsertion import drawn, mended, reinserted
-from spherify.geometry.roundness import sphericity
+from spherify.geometry.roundness import Shape, sphericity
 from spherify.geometry.samples.solids import icosphere
 from spherify.geometry.topology import Topology
 from spherify.geometry.unfolding import folds
@@ -275,6 +275,37 @@ def test_around_a_hub_many_are_taken_out_at_once(monkeypatch, way):
     way(tangled(mesh), mesh.faces).until_four()
     assert left[0] == len(mesh.vertices)
     assert len(left) < 40
+
+
+def test_what_was_set_anew_is_finished_until_it_is_round_and_t_goes_on_once():
+    round_, rough = (
+        Shape(4 * np.pi / share, 4 / 3 * np.pi, CENTRE, 0.1, 0.0) for share in (control.SHORT + 1e-6, 0.99)
+    )
+    folded = Control(0.0, 1.0, 0.5, 0, Phase.SPHERE, 1.0, 3.0)
+    assert folded.set_anew(rough, 1000).phase == Phase.FINISH
+    assert folded.set_anew(rough, control.MOST + 1).phase == Phase.STAR, "too many to be finished"
+    assert folded.set_anew(round_, 1000).phase == Phase.STAR
+    begun = folded.set_anew(rough, 1000)
+    assert not begun.goes_on(rough)
+    assert begun.goes_on(round_)
+    assert not begun._replace(anew=control.GONE_ON).goes_on(round_)
+    assert not folded.as_finish(rough).goes_on(round_), "what was not set anew ends there"
+
+
+@cache
+def run_of_a_spring() -> list[tuple[Phase, float]]:
+    states = flow(wound(2.2, 16, 160), ROBUST, engine="compiled")
+    controls = (Control(*state.checkpoint()["control"]) for state in states)
+    return [(Phase(int(one.phase)), one.anew) for one in controls]
+
+
+def test_that_is_what_a_run_does():
+    seen = [key for key, _ in groupby(run_of_a_spring())]
+    assert seen[-3:] == [
+        (Phase.SPHERE, 0.0),
+        (Phase.FINISH, control.SET),
+        (Phase.STAR, control.GONE_ON),
+    ]
 
 
 def test_a_run_ends_about_the_centroid_as_far_as_all_look_outward_from_there():

@@ -184,8 +184,8 @@ class Control(NamedTuple):
         return Control(0.0, self.annealing, shape.sphericity, 0, Phase.FINISH, self.times, anew=self.anew)
 
     def set_anew(self, shape: Shape, n: int) -> Control:
-        """Return it as what follows begins with directions set anew, of n vertices: a drawing, that is to get round."""
-        begun = self.as_finish(shape) if n <= MOST else self.as_star(shape)
+        """Return it as what follows begins with directions set anew, of n vertices: along the radii, if it is round."""
+        begun = self.as_finish(shape) if n <= MOST and shape.sphericity < SHORT else self.as_star(shape)
         return begun._replace(anew=SET)
 
     def goes_on(self, shape: Shape) -> bool:
