@@ -28,7 +28,7 @@ from spherify.geometry.plain_thinning import PlainThinning
 from spherify.geometry.roundness import sphericity
 from spherify.geometry.thinning import TETRAHEDRON, Thinning, volumes
 
-ENOUGH: Final = 1e-5  # of the mean volume between a triangle and the centre, for what some were kept of
+ENOUGH: Final = 1e-5  # of the mean volume between a triangle and the centre, that each should have
 AT_ONCE: Final = 0.03  # share of the vertices, that are put back before directions make room
 SWEEPS: Final = (10, 100)  # of that, at least and at most
 WORK: Final = 100_000  # sweeps times vertices
@@ -56,7 +56,7 @@ def reinserted(V: Floats, F: Ints, centre: Floats, by: type[Thinning] = PlainThi
     found = [U for U in (kept, all_anew) if U is not None]
     if not found:
         return None
-    return np.asfortranarray(centre + radius * max(found, key=lambda U: _roundness(U, F)))
+    return np.asfortranarray(centre + radius * max(found, key=lambda U: (_has_room(U, F), _roundness(U, F))))
 
 
 def mended(U: Floats, F: Ints, by: type[Thinning] = PlainThinning) -> Floats | None:
@@ -68,8 +68,7 @@ def mended(U: Floats, F: Ints, by: type[Thinning] = PlainThinning) -> Floats | N
         outward and covering(U[left], thinning.faces(), np.zeros(3)).degree == 1 and _put_back(U, thinning)
     ):
         return None
-    found = volumes(U, F)
-    return U if found.min() > ENOUGH * found.mean() else None
+    return U if _has_room(U, F) else None
 
 
 def drawn(U: Floats, F: Ints, by: type[Thinning] = PlainThinning) -> Floats | None:
@@ -94,6 +93,12 @@ def _put_back(U: Floats, thinning: Thinning) -> bool:
             thinning.relax(U, min(max(WORK // here, SWEEPS[0]), SWEEPS[1]))
             made_room_for = here
     return True
+
+
+def _has_room(U: Floats, F: Ints) -> bool:
+    """Whether no triangle has all but vanished."""
+    found = volumes(U, F)
+    return bool(found.min() > ENOUGH * found.mean())
 
 
 def _roundness(U: Floats, F: Ints) -> float:

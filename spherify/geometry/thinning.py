@@ -22,7 +22,7 @@ SHARE: Final = 0.3  # of the vertices, that are taken out in a level at most
 EASY: Final = 12  # neighbours, of a vertex that is taken out before those with more
 REGULAR: Final = 6  # neighbours
 BY_DEGREE: Final = 0.1  # cost of the squares of how many neighbours more or fewer there are
-BY_SIDES: Final = 6.0  # cost of each neighbour above three
+BY_SIDES: Final = 6.0  # cost of each neighbour above three, as far as one more than MOST_SIDES
 MOST_SIDES: Final = 5  # of a polygon that certainly has a point from which all sides are seen
 BY_THREE: Final = 6.0  # cost of a ring of three edges
 BY_FOUR: Final = 3.0  # cost of a ring of four
@@ -30,9 +30,6 @@ COUNTED: Final = 3  # rings, at most
 BY_INWARD: Final = 2.0  # cost of a triangle that does not look outward
 TETRAHEDRON: Final = np.array([[1, 1, 1], [-1, -1, 1], [-1, 1, -1], [1, -1, -1]]) / np.sqrt(3)
 SHORTENED: Final = 10.0 ** -np.linspace(0, 10, 31)  # of the way from q, where a place is looked for
-
-Corners = list[int]
-Point = list[float]
 
 
 class Thinning(ABC):

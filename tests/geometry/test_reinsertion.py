@@ -9,7 +9,7 @@ from itertools import groupby, islice
 import numpy as np
 import pytest
 
-from spherify.geometry import measures
+from spherify.geometry import measures, reinsertion
 from spherify.geometry.covering import covering
 from spherify.geometry.flow import FlowState, StopReason, flow
 from spherify.geometry.kernels import get_engine
@@ -19,11 +19,13 @@ from spherify.geometry.kernels.thinning import CompiledThinning
 from spherify.geometry.mesh import TriangleMesh
 from spherify.geometry.methods import control, decisions
 from spherify.geometry.methods.control import Control, Phase
+from spherify.geometry.methods.decisions import Decisions
 from spherify.geometry.plain_thinning import PlainThinning
 from spherify.geometry.presets import PRESETS
 from spherify.geometry.reinsertion import drawn, mended, reinserted
 from spherify.geometry.roundness import Shape, sphericity
 from spherify.geometry.samples.solids import icosphere
+from spherify.geometry.thinning import volumes
 from spherify.geometry.topology import Topology
 from spherify.geometry.unfolding import folds
 from tests.geometry.shapes import drum, octahedron, sample, tetrahedron
@@ -215,11 +217,70 @@ def test_that_resumes_bit_by_bit():
             assert state.vertices.tobytes() == expected.vertices.tobytes()
 
 
-def test_folds_are_not_waited_for_without_end(monkeypatch):
-    monkeypatch.setattr(decisions, "LONG_FOLDED", 80)
-    states = list(flow(wound(1.5, 10, 80), BRIEFLY, engine="compiled"))
-    assert first_anew(states) == 81
-    assert states[-1].metrics().inward_faces == 0
+def test_folds_are_waited_for_as_long_whenever_they_begin(monkeypatch):
+    for long in (35, 45):
+        monkeypatch.setattr(decisions, "LONG_FOLDED", long)
+        states = list(flow(wound(1.5, 10, 80), BRIEFLY, engine="compiled"))
+        controls = [Control(*state.checkpoint()["control"]) for state in states]
+        begun = next(i for i, control in enumerate(controls) if control.phase == Phase.SPHERE)
+        assert first_anew(states) - begun == long
+        assert states[-1].metrics().inward_faces == 0
+
+
+def test_around_too_large_a_hub_nothing_is_set_anew(monkeypatch):
+    mesh = drum(60, 1)
+    squares = int((np.bincount(mesh.faces.reshape(-1)) ** 2).sum())
+    kernel = get_engine("compiled").prepare(Topology.of(len(mesh.vertices), mesh.faces), ROBUST)
+    for most, may in ((squares, True), (squares - 1, False)):
+        monkeypatch.setattr(decisions, "MOST_SQUARES", most)
+        deciding = Decisions(kernel, ROBUST, ROBUST.unfolding, mesh.faces)
+        assert deciding.may_set_anew(Control(0.0, 1.0, 0.5, 0)) == may
+
+
+def test_what_cannot_be_set_anew_is_tried_once(monkeypatch):
+    asked = []
+    monkeypatch.setattr(decisions, "reinserted", lambda *_: asked.append(1))
+    monkeypatch.setattr(decisions, "LONG_FOLDED", 10)
+    *_, last = flow(coil(4, 80), BRIEFLY, engine="compiled")
+    assert len(asked) == 1
+    assert Control(*last.checkpoint()["control"]).anew == control.SET
+
+
+def test_that_it_was_set_anew_is_known_from_phase_to_phase():
+    ball = icosphere(4)
+    kernel = get_engine("compiled").prepare(Topology.of(len(ball.vertices), ball.faces), ROBUST)
+    shape, was = kernel.shape(ball.vertices), Control(0.0, 1.0, 0.0, 0, anew=control.SET)
+    for then in (was.as_star(shape), was.as_finish(shape), was.on_the_sphere(3, 0.1), was.more_carefully()):
+        assert then.anew == control.SET
+
+
+@pytest.mark.parametrize("share", [0.5, 2])
+def test_of_what_is_kept_no_triangle_may_be_too_small(monkeypatch, share):
+    ball = icosphere(6)
+    U = ball.vertices.copy()
+    U[7] = -U[7]
+    found = volumes(mended(U, ball.faces, CompiledThinning), ball.faces)
+    monkeypatch.setattr(reinsertion, "ENOUGH", share * found.min() / found.mean())
+    assert (mended(U, ball.faces, CompiledThinning) is None) == (share > 1)
+
+
+def test_before_a_place_is_looked_for_again_room_is_made(monkeypatch):
+    ball, calls = icosphere(3), []
+    put_back, relax = CompiledThinning.put_back, CompiledThinning.relax
+
+    def not_the_third_time(self, U):
+        calls.append("put")
+        return calls.count("put") != 3 and put_back(self, U)
+
+    def noted(self, U, sweeps):
+        calls.append(sweeps)
+        relax(self, U, sweeps)
+
+    monkeypatch.setattr(CompiledThinning, "put_back", not_the_third_time)
+    monkeypatch.setattr(CompiledThinning, "relax", noted)
+    assert drawn(tangled(ball), ball.faces, CompiledThinning) is not None
+    third = [i for i, call in enumerate(calls) if call == "put"][2]
+    assert calls[third + 1 : third + 3] == [reinsertion.SWEEPS[0], "put"]
 
 
 @pytest.mark.parametrize("most", [CompiledThinning.most, 0])
@@ -294,14 +355,14 @@ def test_what_was_set_anew_is_finished_until_it_is_round_and_t_goes_on_once():
 
 @cache
 def run_of_a_spring() -> list[tuple[Phase, float]]:
-    states = flow(wound(2.2, 16, 160), ROBUST, engine="compiled")
+    states = flow(wound(3, 12, 200), ROBUST, engine="compiled")
     controls = (Control(*state.checkpoint()["control"]) for state in states)
     return [(Phase(int(one.phase)), one.anew) for one in controls]
 
 
 def test_that_is_what_a_run_does():
     seen = [key for key, _ in groupby(run_of_a_spring())]
-    assert seen[-3:] == [
+    assert seen[-4:-1] == [
         (Phase.SPHERE, 0.0),
         (Phase.FINISH, control.SET),
         (Phase.STAR, control.GONE_ON),

@@ -89,6 +89,7 @@ class Control(NamedTuple):
         variation: the radius variation that has to be fallen short of for the waiting to begin anew.
         largest: the least area that has to be exceeded for it, once no face looks inward.
         rounds: share of the rounds of unfolding that are done; halved each time SPHERE begins anew.
+        lasted: iterations of SPHERE until now, those before it began anew included.
         anew: SET once directions were set anew, or were to be and could not; GONE_ON once T has gone on from that.
 
     """
@@ -105,6 +106,7 @@ class Control(NamedTuple):
     variation: float = np.inf
     largest: float = 0.0
     rounds: float = 1.0
+    lasted: float = 0.0
     anew: float = 0.0
 
     @classmethod
@@ -115,7 +117,7 @@ class Control(NamedTuple):
     def on_the_sphere(self, inward: int, least_area: float) -> Control:
         """Return it as SPHERE begins, with what the directions are like."""
         begun = Control(0.0, 1.0, 0.0, 0, Phase.SPHERE, self.times + 1, inward, least_area)
-        return begun._replace(rounds=self.rounds, anew=self.anew)
+        return begun._replace(rounds=self.rounds, lasted=self.lasted, anew=self.anew)
 
     def more_carefully(self) -> Control:
         """Return it as what precedes SPHERE, for that to begin anew."""
@@ -234,6 +236,7 @@ class Control(NamedTuple):
             fewest=fewest,
             variation=variation,
             largest=largest,
+            lasted=self.lasted + 1,
         )
 
 

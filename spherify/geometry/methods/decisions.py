@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from typing import Final
 
+import numpy as np
+
 from spherify.geometry.config import LATE, FlowConfig, Unfolding
 from spherify.geometry.covering import on_a_sphere
 from spherify.geometry.kernels import Kernel
@@ -27,7 +29,8 @@ from spherify.geometry.reinsertion import reinserted
 
 TURNED: Final = 0.1  # share of the sphere that inward faces may cover; more are no folds but a cavity
 FALLEN: Final = 0.01  # of the sphericity; by less it goes to and fro while it rises
-LONG_FOLDED: Final = 200  # iterations, after as many of which folds are no longer waited for
+LONG_FOLDED: Final = 100  # iterations on the sphere, after as many of which folds are no longer waited for
+MOST_SQUARES: Final = 300_000_000  # six seconds; a hub of 17,000 neighbours
 LEAST_ROUNDS: Final = 2  # of unfolding after an iteration, however often it began anew
 NEARER: Final = (1.0, 0.5, 0.25, 0.1, 0.03, 0.01)  # shares of the way to the centroid that are tried
 
@@ -38,6 +41,7 @@ class Decisions:
     def __init__(self, kernel: Kernel, config: FlowConfig, unfolding: Unfolding, F: Ints) -> None:
         self._kernel, self._config, self.unfolding, self._faces = kernel, config, unfolding, F
         self._n = len(F) // 2 + 2
+        self._squares = int((np.bincount(F.reshape(-1)) ** 2).sum())  # of how many neighbours vertices have
 
     def after(self, progress: Progress, control: Control) -> Next:
         """Return what the next iteration begins with."""
@@ -80,8 +84,12 @@ class Decisions:
         return control.inward > 0 and not self.may_set_anew(control) and not self._once_more(control)
 
     def may_set_anew(self, control: Control) -> bool:
-        """Whether directions may be set anew: once, for they would be the same again, and unless that is too much."""
-        return not control.anew and self._n <= self._kernel.thinning.most
+        """Whether directions may be set anew: once, for they would be the same again, and unless that is too much.
+
+        It takes as long as there are vertices, and around a hub as the square of its neighbours.
+        """
+        little = self._n <= self._kernel.thinning.most and self._squares <= MOST_SQUARES
+        return little and not control.anew
 
     def set_anew(self, V: Floats, centre: Floats, control: Control) -> Next | None:
         """Go on from V (n, 3) with directions set anew; None if they may not or cannot be."""
@@ -114,7 +122,7 @@ class Decisions:
         lost = looked and self._kernel.covering(here, centre).degree != 1
         if lost or control.no_better(self._config):
             return self.anew(progress, control)
-        if progress.iteration % LONG_FOLDED == 0 and self.may_set_anew(control):
+        if control.lasted >= LONG_FOLDED and self.may_set_anew(control):
             return self._set_anew_if_it_can_be(progress, control)
         return Next(control, here, centre)
 
