@@ -98,8 +98,27 @@ def test_around_too_large_a_hub_nothing_is_set_anew(monkeypatch):
     kernel = get_engine("compiled").prepare(Topology.of(len(mesh.vertices), mesh.faces), ROBUST)
     for most, may in ((squares, True), (squares - 1, False)):
         monkeypatch.setattr(decisions, "MOST_SQUARES", most)
-        deciding = Decisions(kernel, ROBUST, ROBUST.unfolding, mesh.faces)
+        deciding = Decisions(kernel, ROBUST, ROBUST.unfolding, mesh.faces, len(mesh.vertices))
         assert deciding.may_set_anew(Control(0.0, 1.0, 0.5, 0)) == may
+
+
+def test_two_balls_that_touch_in_two_vertices_are_no_sphere_though_their_euler_number_is():
+    ball = icosphere(4)
+    n, poles = len(ball.vertices), [int(ball.vertices[:, 2].argmax()), int(ball.vertices[:, 2].argmin())]
+    other = np.arange(n, 2 * n)
+    other[poles] = poles
+    F = np.concatenate([ball.faces, other[ball.faces]])
+    used, F = np.unique(F, return_inverse=True)
+    F = F.reshape(-1, 3)
+    topology = Topology.of(len(used), F)
+    assert topology.euler == 2
+    assert topology.n_components == 1
+    kernel = get_engine("compiled").prepare(topology, ROBUST)
+    for faces, may in ((F, False), (ball.faces, True)):
+        deciding = Decisions(kernel, ROBUST, ROBUST.unfolding, faces, int(faces.max()) + 1)
+        assert deciding.may_set_anew(Control(0.0, 1.0, 0.5, 0)) == may
+    unused = Decisions(kernel, ROBUST, ROBUST.unfolding, ball.faces, n + 1)
+    assert not unused.may_set_anew(Control(0.0, 1.0, 0.5, 0))
 
 
 def test_what_cannot_be_set_anew_is_tried_once(monkeypatch):
@@ -108,7 +127,7 @@ def test_what_cannot_be_set_anew_is_tried_once(monkeypatch):
     monkeypatch.setattr(decisions, "LONG_FOLDED", 10)
     *_, last = flow(coil(4, 80), BRIEFLY, engine="compiled")
     assert len(asked) == 1
-    assert Control(*last.checkpoint()["control"]).anew == control.SET
+    assert Control(*last.checkpoint()["control"]).anew == control.GONE_ON
 
 
 def test_that_it_was_set_anew_is_known_from_phase_to_phase():

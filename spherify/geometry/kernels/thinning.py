@@ -86,13 +86,9 @@ def _triangulation(n: int, F: Ints) -> Triangulation:
     m3 = F.size
     tails, heads = F.reshape(-1), np.roll(F, -1, axis=1).reshape(-1)
     forth, back = np.argsort(tails * n + heads), np.argsort(heads * n + tails)
-    twins, after, before = (
-        np.empty(m3, dtype=np.int32),
-        np.empty(m3, dtype=np.int32),
-        np.empty(m3, dtype=np.int32),
-    )
+    twins, before = np.empty(m3, dtype=np.int32), np.empty(m3, dtype=np.int32)
     twins[back] = forth
-    after[:] = twins[np.arange(m3).reshape(-1, 3)[:, [2, 0, 1]].reshape(-1)]
+    after = twins[np.arange(m3).reshape(-1, 3)[:, [2, 0, 1]].reshape(-1)]
     before[after] = np.arange(m3)
     first = np.empty(n, dtype=np.int32)
     first[tails[::-1]] = np.arange(m3)[::-1]

@@ -90,7 +90,7 @@ class Control(NamedTuple):
         largest: the least area that has to be exceeded for it, once no face looks inward.
         rounds: share of the rounds of unfolding that are done; halved each time SPHERE begins anew.
         lasted: iterations of SPHERE until now, those before it began anew included.
-        anew: SET once directions were set anew, or were to be and could not; GONE_ON once T has gone on from that.
+        anew: SET once directions were set anew; GONE_ON once T goes on from that, or if they could not be.
 
     """
 
@@ -187,8 +187,9 @@ class Control(NamedTuple):
 
     def set_anew(self, shape: Shape, n: int) -> Control:
         """Return it as what follows begins with directions set anew, of n vertices: along the radii, if it is round."""
-        begun = self.as_finish(shape) if n <= MOST and shape.sphericity < SHORT else self.as_star(shape)
-        return begun._replace(anew=SET)
+        if n <= MOST and shape.sphericity < SHORT:
+            return self.as_finish(shape)._replace(anew=SET)
+        return self.as_star(shape)._replace(anew=GONE_ON)
 
     def goes_on(self, shape: Shape) -> bool:
         """Whether T goes on along the radii of what was set anew: it has become round enough."""

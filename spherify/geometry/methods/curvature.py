@@ -81,7 +81,9 @@ class CurvatureTransformation:
         unfolding = self._config.unfolding if self._weighed and self._topology.n_components == 1 else None
         kernel = self._engine.prepare(self._topology, self._config)
         del self._topology  # which takes as much memory as what was made of it
-        return kernel, None if unfolding is None else Decisions(kernel, self._config, unfolding, self._faces)
+        return kernel, None if unfolding is None else Decisions(
+            kernel, self._config, unfolding, self._faces, self._n
+        )
 
     @property
     def _kernel(self) -> Kernel:
@@ -240,9 +242,7 @@ class CurvatureTransformation:
             if control.inward:
                 weights = self._folds.log_weights
         return {
-            "previous": here
-            if control.phase in {Phase.STAR, Phase.FINISH}
-            else refuge(progress, self._control(progress)),
+            "previous": here if rises else refuge(progress, self._control(progress)),
             "control": np.array(after),
             "centre": centre,
             "log_weights": weights,

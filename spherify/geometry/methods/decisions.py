@@ -5,6 +5,7 @@ The phases are `spherify.geometry.methods.control`; here is what has to look at 
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -17,7 +18,6 @@ from spherify.geometry.methods.control import (
     GIVEN_UP,
     GONE_ON,
     LOOKED_EVERY,
-    SET,
     WAITED,
     Control,
     Next,
@@ -26,6 +26,7 @@ from spherify.geometry.methods.control import (
 )
 from spherify.geometry.progress import Progress
 from spherify.geometry.reinsertion import reinserted
+from spherify.geometry.topology import Topology
 
 TURNED: Final = 0.1  # share of the sphere that inward faces may cover; more are no folds but a cavity
 FALLEN: Final = 0.01  # of the sphericity; by less it goes to and fro while it rises
@@ -38,9 +39,9 @@ NEARER: Final = (1.0, 0.5, 0.25, 0.1, 0.03, 0.01)  # shares of the way to the ce
 class Decisions:
     """About one surface."""
 
-    def __init__(self, kernel: Kernel, config: FlowConfig, unfolding: Unfolding, F: Ints) -> None:
+    def __init__(self, kernel: Kernel, config: FlowConfig, unfolding: Unfolding, F: Ints, n: int) -> None:
         self._kernel, self._config, self.unfolding, self._faces = kernel, config, unfolding, F
-        self._n = len(F) // 2 + 2
+        self._n = n
         self._squares = int((np.bincount(F.reshape(-1)) ** 2).sum())  # of how many neighbours vertices have
 
     def after(self, progress: Progress, control: Control) -> Next:
@@ -89,7 +90,13 @@ class Decisions:
         It takes as long as there are vertices, and around a hub as the square of its neighbours.
         """
         little = self._n <= self._kernel.thinning.most and self._squares <= MOST_SQUARES
-        return little and not control.anew
+        return little and not control.anew and self._is_ball
+
+    @cached_property
+    def _is_ball(self) -> bool:
+        """Whether the triangulation is that of a sphere: Euler's number is 2 of two that touch in two vertices, too."""
+        topology = Topology.of(self._n, self._faces)
+        return not len(topology.nonmanifold_vertices) and not len(topology.unreferenced_vertices)
 
     def set_anew(self, V: Floats, centre: Floats, control: Control) -> Next | None:
         """Go on from V (n, 3) with directions set anew; None if they may not or cannot be."""
@@ -129,7 +136,7 @@ class Decisions:
     def _set_anew_if_it_can_be(self, progress: Progress, control: Control) -> Next:
         """Go on with directions set anew; or as before, and not try it again."""
         here, centre = progress.position, progress.memory["centre"]
-        return self.set_anew(here, centre, control) or Next(control._replace(anew=SET), here, centre)
+        return self.set_anew(here, centre, control) or Next(control._replace(anew=GONE_ON), here, centre)
 
     def _onto_the_sphere(self, progress: Progress, control: Control, here: Floats) -> Next:
         """Go on to the sphere from ``here`` (n, 3), about a point that it goes around once."""

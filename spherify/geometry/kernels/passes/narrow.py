@@ -46,7 +46,7 @@ def uneven(degree: int) -> int:
 
 @inner
 def least_cost(t: Triangulation, U: Floats, h: int, least: float) -> float:
-    """Return what it costs to do so, narrow places apart."""
+    """Return what it costs to merge the vertex that a half-edge comes from along it, narrow places apart."""
     q, p = t.heads[h], t.heads[t.twins[h]]
     d = t.degrees[p]
     right, left = t.after[h], t.before[h]
