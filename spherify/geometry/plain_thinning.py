@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from spherify.geometry import measures
 from spherify.geometry.mesh import Floats, Ints
 from spherify.geometry.thinning import (
+    BEYOND,
     BY_DEGREE,
     BY_FOUR,
     BY_INWARD,
@@ -99,7 +100,7 @@ class _Triangulation:
 class PlainThinning(Thinning):
     """See `Thinning`."""
 
-    most = 2_000  # as many take some ten seconds, more around hubs
+    most = 2_000  # as many take up to twenty seconds, more around hubs
 
     def __init__(self, U: Floats, F: Ints) -> None:
         self.triangles = _Triangulation(len(U), F)
@@ -303,7 +304,7 @@ def _centre(U: list[Point], p: int, ring: Corners, pull: float) -> None:
     huu, hvv = huu + d, hvv + d
     det = huu * hvv - huv * huv
     u, v = (hvv * gu - huv * gv) / det, (huu * gv - huv * gu) / det
-    damped = 1 / (1 + math.sqrt(max(u * gu + v * gv, 0.0)))
+    damped = BEYOND / (1 + BEYOND * math.sqrt(max(u * gu + v * gv, 0.0)))
     x, y, z = (here[k] + damped * (u * one[k] + v * other[k]) for k in range(3))
     length = math.sqrt(x * x + y * y + z * z)
     there = (x / length, y / length, z / length)

@@ -9,7 +9,7 @@ can tell: while few are there the drawing as a whole, for next to nothing.
 
 What is wound tightly leaves little that way, and that little is distorted. So the same is done once more from a
 tetrahedron on, which knows nothing but which vertices are neighbours; and the rounder of both is taken, the drawing
-turned to where vertices were.
+turned to where vertices were. Where what was kept is round already, it is not drawn.
 
 Which vertices these are, and what they make room by, is `spherify.geometry.thinning`. That a sphere is had so from
 progressive meshes is of Praun and Hoppe, "Spherical parametrization and remeshing", 2003.
@@ -30,8 +30,9 @@ from spherify.geometry.thinning import TETRAHEDRON, Thinning, volumes
 
 ENOUGH: Final = 1e-5  # of the mean volume between a triangle and the centre, that each should have
 AT_ONCE: Final = 0.03  # share of the vertices, that are put back before directions make room
-SWEEPS: Final = (10, 100)  # of that, at least and at most
+SWEEPS: Final = (10, 30)  # of that, at least and at most
 WORK: Final = 100_000  # sweeps times vertices
+ROUND: Final = 0.995  # sphericity from which on directions that could be kept are not drawn as well
 
 
 def reinserted(V: Floats, F: Ints, centre: Floats, by: type[Thinning] = PlainThinning) -> Floats | None:
@@ -52,11 +53,11 @@ def reinserted(V: Floats, F: Ints, centre: Floats, by: type[Thinning] = PlainThi
     if len(V) > by.most or not 0 < radius < np.inf:
         return None
     start = np.ascontiguousarray(measures.normalised(spokes))
-    kept, all_anew = mended(start, F, by), drawn(start, F, by)
-    found = [U for U in (kept, all_anew) if U is not None]
-    if not found:
-        return None
-    return np.asfortranarray(centre + radius * max(found, key=lambda U: (_has_room(U, F), _roundness(U, F))))
+    U = mended(start, F, by)
+    if U is None or _roundness(U, F) < ROUND:
+        found = [one for one in (U, drawn(start, F, by)) if one is not None]
+        U = max(found, key=lambda one: (_has_room(one, F), _roundness(one, F)), default=None)
+    return None if U is None else np.asfortranarray(centre + radius * U)
 
 
 def mended(U: Floats, F: Ints, by: type[Thinning] = PlainThinning) -> Floats | None:

@@ -28,6 +28,7 @@ BY_THREE: Final = 6.0  # cost of a ring of three edges
 BY_FOUR: Final = 3.0  # cost of a ring of four
 COUNTED: Final = 3  # rings, at most
 BY_INWARD: Final = 2.0  # cost of a triangle that does not look outward
+BEYOND: Final = 1.7  # times as long a step as Newton's, where that is short; below 2
 TETRAHEDRON: Final = np.array([[1, 1, 1], [-1, -1, 1], [-1, 1, -1], [1, -1, -1]]) / np.sqrt(3)
 SHORTENED: Final = 10.0 ** -np.linspace(0, 10, 31)  # of the way from q, where a place is looked for
 
@@ -84,10 +85,11 @@ class Thinning(ABC):
 
             Σ ½ c |p - q|² over its neighbours - Σ log det(p, q, r) over its triangles,
 
-        by a step of Newton's method in the plane that touches the sphere there. The logarithms keep it within what
-        sees all of its ring, and alone would lead to the analytic centre of that; the step is damped, and so stays
-        within (Nesterov and Nemirovskii, "Interior-point polynomial algorithms in convex programming", 1994). For
-        equilateral triangles that share the sphere out among them both sums are in balance: `pull_of`.
+        by a step of Newton's method in the plane that touches the sphere there, over-relaxed (Young, 1954). The
+        logarithms keep it within what sees all of its ring, and alone would lead to the analytic centre of that; the
+        step is damped, and so stays within (Nesterov and Nemirovskii, "Interior-point polynomial algorithms in convex
+        programming", 1994). For equilateral triangles that share the sphere out among them both sums are in balance:
+        `pull_of`.
         """
 
     @abstractmethod

@@ -130,6 +130,20 @@ def test_of_both_the_rounder_is_taken():
     assert taken == {0, 1}
 
 
+@pytest.mark.parametrize("share", [1 - 1e-9, 1 + 1e-9])
+def test_what_is_kept_and_round_is_not_drawn_as_well(monkeypatch, share):
+    ball, asked = icosphere(6), []
+    U = ball.vertices.copy()
+    U[7] = -U[7]
+    kept = mended(U, ball.faces, CompiledThinning)
+    area, volume = measures.face_areas(kept, ball.faces).sum(), measures.volume(kept, ball.faces, np.zeros(3))
+    monkeypatch.setattr(reinsertion, "ROUND", share * sphericity(area, volume))
+    monkeypatch.setattr(reinsertion, "drawn", lambda *_: asked.append(1))
+    found = reinserted(U, ball.faces, np.zeros(3), CompiledThinning)
+    assert np.abs(found - kept).max() < 1e-12
+    assert len(asked) == (share > 1)
+
+
 @pytest.mark.parametrize("way", [PlainThinning, CompiledThinning])
 def test_of_more_vertices_than_can_be_waited_for_it_keeps_off(monkeypatch, way):
     ball = icosphere(3)

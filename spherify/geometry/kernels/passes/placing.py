@@ -12,6 +12,7 @@ from spherify.geometry.kernels.passes.linking import OUT, Numbers, Triangulation
 from spherify.geometry.kernels.passes.narrow import outward
 from spherify.geometry.kernels.passes.types import Floats
 from spherify.geometry.kernels.passes.vectors import Vector, cross, dot
+from spherify.geometry.thinning import BEYOND
 
 
 @inner
@@ -102,7 +103,7 @@ def centre(t: Triangulation, U: Floats, p: int, pull: float) -> None:
         a = b
     det = 1.0 / (huu * hvv - huv * huv)
     u, v = det * (hvv * gu - huv * gv), det * (huu * gv - huv * gu)
-    damped = 1.0 / (1.0 + math.sqrt(max(u * gu + v * gv, 0.0)))
+    damped = BEYOND / (1.0 + BEYOND * math.sqrt(max(u * gu + v * gv, 0.0)))
     u, v = damped * u, damped * v
     x, y, z = x + u * one[0] + v * other[0], y + u * one[1] + v * other[1], z + u * one[2] + v * other[2]
     over = 1.0 / math.sqrt(x * x + y * y + z * z)
