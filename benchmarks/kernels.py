@@ -15,6 +15,7 @@ from benchmarks.vtk_step import VtkStep
 from spherify.geometry.config import FlowConfig, Stage
 from spherify.geometry.flow import flow
 from spherify.geometry.kernels import ENGINES, Engine, get_engine
+from spherify.geometry.measures import face_areas
 from spherify.geometry.mesh import Floats, TriangleMesh
 from spherify.geometry.presets import PRESETS
 from spherify.geometry.roundness import Wanted
@@ -75,24 +76,41 @@ def _stage(config: FlowConfig) -> Stage:
     return stage
 
 
+def wanted(mesh: TriangleMesh, preset: str) -> Wanted:
+    """Return what a run by a preset wants to know of each state of a mesh."""
+    config = configuration(preset)
+    area = float(face_areas(mesh.vertices, mesh.faces).sum()) if config.rescale == "area" else 0.0
+    least = math.inf if config.unfolding else config.stop_radius_variation
+    return Wanted(config.step_unit == "mean-edge", least, area)
+
+
+def needed(mesh: TriangleMesh, preset: str) -> Wanted | None:
+    """Return what of that the next step depends on; None if on nothing.
+
+    `robust` scales back by area and centroid, steps by the mean edge, and keeps its momentum by the sphericity; the
+    radius variation only ends a run, and is shown.
+    """
+    config = configuration(preset)
+    depends = config.momentum > 0 or config.rescale != "none" or config.step_unit == "mean-edge"
+    return wanted(mesh, preset)._replace(variation=0.0) if depends else None
+
+
 def chained(
-    mesh: TriangleMesh, engine: Engine, preset: str, *, measured: bool = False
+    mesh: TriangleMesh, engine: Engine, preset: str, *, measured: Wanted | None = None
 ) -> Callable[[], Floats]:
     """Return T of a preset's first stage, from where it led the last time; ``measured``: and the shape after it."""
     config = configuration(preset)
     kernel = engine.prepare(Topology.of(len(mesh.vertices), mesh.faces), config)
     V, stage = np.asfortranarray(mesh.vertices), _stage(config)
-    least = math.inf if config.unfolding else config.stop_radius_variation
-    wanted = Wanted(config.step_unit == "mean-edge", least)  # as a run wants it
 
     def once() -> Floats:
         nonlocal V
-        moved = kernel.transform(V, stage, STEP, config.relaxation, measured=wanted if measured else None)
+        moved = kernel.transform(V, stage, STEP, config.relaxation, measured=measured)
         if moved is None:
             raise ValueError("the curvature is the same everywhere")
         V = moved
-        if measured:
-            kernel.shape(V, wanted)
+        if measured is not None:
+            kernel.shape(V, measured)
         return V
 
     return once
