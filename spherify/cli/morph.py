@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -70,6 +71,10 @@ def morph(
         fail(f"{output}: the suffix must be one of {', '.join('.' + f for f in FORMATS_OUT)}", REFUSED)
     if not output.parent.is_dir():
         fail(f"the folder {output.parent} does not exist", REFUSED)
+    if output.is_dir():
+        fail(f"{output} is a folder: name a file", REFUSED)
+    if not os.access(output if output.exists() else output.parent, os.W_OK):  # better told before the work
+        fail(f"{output} cannot be written: permission denied", REFUSED)
     preset, parameters = parameters_of(preset, method, iterations, assignments or [])
     try:
         computing = default_engine(threads, warn) if engine is None else get_engine(engine, threads)

@@ -216,6 +216,26 @@ def test_a_finished_sphere_takes_no_time(tmp_path: Path) -> None:
     assert " 0/0 " in done.err
 
 
+def test_an_output_that_is_a_folder_is_told_before_the_work(tmp_path: Path) -> None:
+    (tmp_path / "out.ply").mkdir()
+    done = spherify_here("morph", "sample:stone:300", "-o", "out.ply", cwd=tmp_path)
+    assert done.code == 2
+    assert done.err == "spherify: out.ply is a folder: name a file\n"
+
+
+@pytest.mark.parametrize("there", [False, True])
+def test_an_output_that_must_not_be_written_is_told_before_the_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, there: bool
+) -> None:
+    if there:
+        (tmp_path / "out.ply").touch()
+    # root may write anywhere
+    monkeypatch.setattr(os, "access", lambda _, mode: mode != os.W_OK)
+    done = spherify_here("morph", "sample:stone:300", "-o", "out.ply", cwd=tmp_path)
+    assert done.code == 2
+    assert done.err == "spherify: out.ply cannot be written: permission denied\n"
+
+
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is none but on Linux")
 @pytest.mark.parametrize("command", [["morph", "sphere.obj", "-o", "out.ply", "--json"], ["samples"]])
 def test_an_output_that_is_full_is_a_sentence(tmp_path: Path, command: list[str]) -> None:
