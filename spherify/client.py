@@ -8,11 +8,12 @@ from ipaddress import ip_address
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Self, TypeVar
+from uuid import uuid4
 
 import httpx
 
 POLL_S: Final = 0.25
-PATIENCE_S: Final = 15.0  # a service may be restarted behind its address; only reading is tried again
+PATIENCE_S: Final = 15.0  # a service may be restarted behind its address
 _CHUNK: Final = 1 << 16
 T = TypeVar("T")
 
@@ -55,6 +56,7 @@ class Client:
 
     def __init__(self, url: str, *, timeout_s: float = 60.0) -> None:
         self.url = url.rstrip("/")
+        self._met = False  # has it ever answered?
         try:
             self._http = httpx.Client(
                 base_url=self.url,
@@ -75,14 +77,19 @@ class Client:
         self._http.close()
 
     def submit(self, path: Path, fields: Mapping[str, str | list[str]]) -> dict[str, Any]:
-        """Upload a mesh and start a job on it; returns the job. Raises `ServiceError`, OSError."""
-        with path.open("rb") as file:
-            return self._json(
-                "POST",
-                "/v1/jobs",
-                files={"file": (path.name, file, "application/octet-stream")},
-                data=dict(fields),
-            )
+        """Upload a mesh and start a job on it; returns the job. Raises `ServiceError`, OSError.
+
+        A service that has answered before, and is away, is waited for: under a key of its own the request makes one
+        job however often it is sent. A pipe can be read once.
+        """
+        key = {"Idempotency-Key": str(uuid4())}
+
+        def once() -> dict[str, Any]:
+            with path.open("rb") as file:
+                upload = {"file": (path.name, file, "application/octet-stream")}
+                return self._json("POST", "/v1/jobs", files=upload, data=dict(fields), headers=key)
+
+        return self._patiently(once) if self._met and path.is_file() else once()
 
     def job(self, job_id: str) -> dict[str, Any]:
         """Return a job as it is now; raises `ServiceError`."""
@@ -156,6 +163,7 @@ class Client:
         def once() -> httpx.Response:
             with self._reaching():
                 answer = self._http.request(method, path, **options)
+            self._met = True
             if answer.is_error:
                 raise _refused(answer)
             return answer
@@ -164,7 +172,7 @@ class Client:
 
     @staticmethod
     def _patiently(ask: Callable[[], T]) -> T:
-        """Ask again for a while if the service is not there, or says that it is not ready."""
+        """Ask again for a while if the service is not there, or says that it is not ready, or still at it."""
         deadline = time.monotonic() + PATIENCE_S
         while True:
             try:
@@ -173,7 +181,8 @@ class Client:
                 if time.monotonic() > deadline:
                     raise
             except RefusedError as e:
-                if e.status != httpx.codes.SERVICE_UNAVAILABLE or time.monotonic() > deadline:
+                later = e.status == httpx.codes.SERVICE_UNAVAILABLE or e.slug == "idempotency-in-progress"
+                if not later or time.monotonic() > deadline:
                     raise
             time.sleep(POLL_S)
 

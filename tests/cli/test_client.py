@@ -64,29 +64,33 @@ def test_nobody_at_the_address(monkeypatch: pytest.MonkeyPatch) -> None:
             client.job("job_01K5Z9Q8M4T6V2X0Y7R3N1W5BC")
 
 
-def take_request(connection: socket.socket) -> None:
-    """Read one request whole: who hangs up on unread bytes resets the connection."""
+def take_request(connection: socket.socket) -> bytes:
+    """Read one request whole, and return its key: who hangs up on unread bytes resets the connection."""
     with connection.makefile("rb") as lines:
-        length = 0
+        length, key = 0, b""
         while (line := lines.readline().lower()) not in {b"\r\n", b""}:
             if line.startswith(b"content-length:"):
                 length = int(line.split(b":")[1])
+            elif line.startswith(b"idempotency-key:"):
+                key = line.split(b":")[1].strip()
         lines.read(length)
+    return key
 
 
 @contextmanager
-def answering(*answers: bytes) -> Iterator[str]:
-    """Answer one request after the other with these bytes, and hang up after each."""
+def answering(*answers: bytes, keys: list[bytes] | None = None) -> Iterator[str]:
+    """Answer one request after the other with these bytes, hang up after each, and gather their keys."""
     with socket.create_server(("127.0.0.1", 0)) as listener:
 
         def answer() -> None:
             for data in answers:
                 connection, _ = listener.accept()
                 with connection:
-                    take_request(connection)
+                    if (key := take_request(connection)) and keys is not None:
+                        keys.append(key)
                     connection.sendall(data)
 
-        thread = threading.Thread(target=answer)
+        thread = threading.Thread(target=answer, daemon=True)  # what fails must not wait for it
         thread.start()
         yield f"http://127.0.0.1:{listener.getsockname()[1]}"
         thread.join(10)
@@ -95,6 +99,10 @@ def answering(*answers: bytes) -> Iterator[str]:
 
 WHOLE = b"HTTP/1.1 200 OK\r\nContent-Length: 6\r\n\r\nply\nok"
 CUT = b"HTTP/1.1 200 OK\r\nContent-Length: 1000000\r\n\r\n" + b"ply\n" * 1000
+JOB = b'HTTP/1.1 200 OK\r\nContent-Length: 14\r\n\r\n{"id":"job_1"}'
+IN_PROGRESS = (
+    b'HTTP/1.1 409 Conflict\r\nContent-Length: 45\r\n\r\n{"type": "/problems/idempotency-in-progress"}'
+)
 NOT_READY = b"HTTP/1.1 503 Service Unavailable\r\nContent-Length: 2\r\n\r\n{}"
 
 
@@ -116,8 +124,18 @@ def test_reading_is_tried_again_after_a_broken_connection_and_a_503(tmp_path: Pa
     assert (tmp_path / "state.ply").read_bytes() == b"ply\nok"
 
 
-def test_an_upload_is_sent_once(mesh: Path) -> None:
-    # a second one would be a second job
+def test_an_upload_that_broke_off_is_sent_again_under_its_key(mesh: Path) -> None:
+    away = [CUT, NOT_READY, IN_PROGRESS]  # it was restarted, and its former self had begun
+    keys: list[bytes] = []
+    with answering(JOB, *away, JOB, keys=keys) as url, Client(url) as client:
+        client.job("job_1")
+        assert client.submit(mesh, {})["id"] == "job_1"
+    assert len(keys) == 4
+    assert len(set(keys)) == 1
+
+
+def test_the_first_upload_is_not_sent_again(mesh: Path) -> None:
+    # who named a wrong address is told at once
     with answering(NOT_READY) as url, Client(url) as client, pytest.raises(RefusedError) as refused:
         client.submit(mesh, {})
     assert refused.value.status == 503
