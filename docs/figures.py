@@ -1,7 +1,7 @@
 """The README's pictures and figures, made by the project itself from its own samples.
 
 .venv/bin/python docs/figures.py pictures     draws docs/images/*.png (a minute)
-.venv/bin/python docs/figures.py table        prints the table of what to expect (some minutes)
+.venv/bin/python docs/figures.py table        prints the table of what to expect (some seconds)
 """
 
 from __future__ import annotations

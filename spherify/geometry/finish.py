@@ -1,8 +1,8 @@
 """The last of a run that is not round enough: radii and directions climb together, by a method that sees how they meet.
 
-What `spherify.geometry.ascent` and T along the radii end at is where steps by the diagonal get no further, one of them
-for directions and the other for radii. On few and uneven triangles there is more to be had. With the positions p from
-the centre, u = p / |p| and all of that module's names, the energy
+`spherify.geometry.ascent`, for directions, and T along the radii, for radii, both end where steps by the diagonal of
+the Hessian make no further progress. On few and uneven triangles there is more to gain. With the positions p from the
+centre, u = p / |p| and all of that module's names, the energy
 
     E = log A - ⅔ log V - BARRIER · 4π/m² · Σ log det(u_a, u_b, u_c)
 

@@ -4,15 +4,15 @@ A surface wound around itself, or limbs of which unfolding has left less than ro
 that no more moving helps. Their triangulation is that of a sphere, all the same. So vertices of triangles that look
 inward, or have vanished, are merged into neighbours until the others look outward and cover the sphere once. Put back
 in reverse order, each has its place within the ring of its neighbours, near the one it was merged into if nowhere else,
-where all its triangles look outward. All make room for each other meanwhile, or the last would have none that a number
-can tell: while few are there the drawing as a whole, for next to nothing.
+where all its triangles look outward. Meanwhile all vertices make room for each other; otherwise the last ones would get
+triangles too small for floating point. While few are there, the whole drawing spreads out at next to no cost.
 
 What is wound tightly leaves little that way, and that little is distorted. So the same is done once more from a
 tetrahedron on, which knows nothing but which vertices are neighbours; and the rounder of both is taken, the drawing
 turned to where vertices were. Where what was kept is round already, it is not drawn.
 
-Which vertices these are, and what they make room by, is `spherify.geometry.thinning`. That a sphere is had so from
-progressive meshes is of Praun and Hoppe, "Spherical parametrization and remeshing", 2003.
+Which vertices these are, and what they make room by, is `spherify.geometry.thinning`. Parametrizing over the sphere by
+a progressive mesh in this way is due to Praun and Hoppe, "Spherical parametrization and remeshing", 2003.
 """
 
 from __future__ import annotations

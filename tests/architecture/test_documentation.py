@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import re
+import runpy
 import subprocess
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from spherify.cli.commands import COMMANDS
 from spherify.formats import ALLOW
 from spherify.geometry.flow import StopReason
 from spherify.geometry.presets import PRESETS
+from spherify.geometry.samples import SAMPLES
 from spherify.jobs.model import LEGAL_MOVES, JobStatus
 from spherify.settings import Settings
 from tests.architecture.source import ROOT, python_files, web_files
@@ -75,6 +78,24 @@ def test_presets_switches_and_reasons_are_documented() -> None:
     reasons = _table("What happens to a job")
     assert reasons.keys() == {reason.value for reason in StopReason}
     assert {cells[0] for cells in reasons.values()} <= {status.value for status in JobStatus}
+
+
+@pytest.mark.parametrize("name", SAMPLES)
+def test_the_table_of_what_to_expect_is_what_the_samples_do(name: str) -> None:
+    figures = runpy.run_path(str(ROOT / "docs" / "figures.py"))
+    said, found = (
+        re.fullmatch(r"\| ([\w-]+) \| (.*) \|", line)
+        for line in (re.search(rf"^\| {name} \| \d.*$", README, re.MULTILINE)[0], figures["row"](name))  # type: ignore[index]
+    )
+    assert said is not None
+    assert found is not None
+    said_cells, found_cells = (
+        [float(cell.split(" of ")[0]) for cell in row[2].replace(",", "").split(" | ")]
+        for row in (said, found)
+    )
+    # By rounding, another processor may differ in the last digit; in `paper`, the run of an animal is chaotic.
+    room = [0, 1e-3, 1, 1, 2e-4, 0, 0.02 if name == "quadruped" else 0.002]
+    assert (np.abs(np.array(found_cells) - said_cells) <= room).all()
 
 
 def test_the_picture_of_the_states_has_exactly_the_legal_moves() -> None:

@@ -5,14 +5,15 @@
                                         └──── thin, or again ────> STAR <─────┘ no rounder
                                                                     └── over, and not round enough ──> FINISH
 
-Of what gets no rounder, FOLDED takes the roundest state; and, as NORMALS does late in a run, another point than the
-centroid to see directions from, if from there they cover the sphere otherwise than once: nothing on the sphere can
-change that. Where the covering is lost on the way, or folds remain, SPHERE begins anew from what it began with, more
-carefully each time. Where that does not do, takes too long, or leaves triangles that have all but vanished, or where
-no such point is found, directions are set anew, as they are for the best state where a step breaks the surface: once a
-run, in FINISH until that is round and then in STAR; and if they cannot be, it goes back to NORMALS, to the end. A
-surface that has become round ends in NORMALS, SMOOTHING or STAR; in SPHERE ends only what gets no better there, and in
-FINISH what so few or so uneven triangles are that the others left it short of Ψ 0.995.
+When a surface stops getting rounder, FOLDED goes back to its roundest state. If the directions seen from the centroid
+cover the sphere otherwise than once, which nothing done on the sphere can change, it looks for another point to see
+them from; NORMALS does the same late in a run. Where the covering is lost on the way, or folds remain, SPHERE begins
+anew from what it began with, more carefully each time. Where that does not do, takes too long, or leaves triangles
+that have all but vanished, or where no such point is found, directions are set anew, as they are for the best state
+where a step breaks the surface: once a run, in FINISH until that is round and then in STAR; and if they cannot be, it
+goes back to NORMALS, to the end. A surface that has become round ends in NORMALS, SMOOTHING or STAR. A run ends in
+SPHERE only if nothing improves there, and in FINISH only if its triangles are so few or so uneven that the other
+phases left it below Ψ 0.995.
 """
 
 from __future__ import annotations
