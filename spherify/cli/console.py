@@ -7,6 +7,7 @@ from typing import Final, NoReturn
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn
+from rich.table import Column
 from rich.text import Text
 
 FAILED: Final = 1  # it could not be done: no service, no port, no space
@@ -46,7 +47,7 @@ class Rate(ProgressColumn):
 def progress_bar() -> Progress:
     """Return a display of bars whose tasks have the fields ``rate``, ``eta`` and ``note``."""
     return Progress(
-        TextColumn("{task.description}", markup=False),
+        TextColumn("{task.description}", markup=False, table_column=Column(no_wrap=True, max_width=40)),
         BarColumn(bar_width=28),
         TextColumn("{task.completed:.0f}/{task.total:.0f}", markup=False),
         TextColumn("{task.fields[note]}", markup=False),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -77,18 +78,57 @@ def submit(
     except InvalidAddressError as e:
         fail(f"--url: {e}", REFUSED)
     with interruptible() as stopping, client, progress_bar() as bars, ThreadPoolExecutor(AT_ONCE) as pool:
+        whole = _Whole(bars, len(files))
         errands = [
-            _Errand(client, path, fields, mesh_format, folder / stem, bars, _bar(bars, _name(path)), stopping)
-            for path, stem in zip(files, _stems(files), strict=True)
+            _Errand(
+                client,
+                path,
+                name,
+                fields,
+                mesh_format,
+                folder / stem,
+                bars,
+                _bar(bars, name),
+                whole,
+                stopping,
+            )
+            for path, name, stem in zip(files, _names(files), _stems(files), strict=True)
         ]
         codes = set(pool.map(_Errand.run, errands))
+        for errand in errands:  # the last that is drawn may be as long as it likes
+            bars.update(errand.task, visible=errand.begun)
     if stopping:
-        fail("interrupted; what was accepted goes on, see `curl URL/v1/jobs`", INTERRUPTED)
+        accepted = sum(errand.accepted for errand in errands)
+        fail(
+            f"interrupted; {accepted} of {len(files)} files were accepted, and their jobs go on: "
+            f"curl {client.url}/v1/jobs",
+            INTERRUPTED,
+        )
     raise typer.Exit(codes.pop() if len(codes) == 1 else FAILED)
 
 
 class _LeftError(Exception):
     """The user pressed Ctrl-C."""
+
+
+class _Whole:
+    """A bar of all files, where they have too many of their own for a terminal: it shows the first that fit."""
+
+    def __init__(self, bars: Bars, files: int) -> None:
+        self._bars = bars
+        self.crowded = files > AT_ONCE
+        self._task = bars.add_task(
+            "all files", total=files, visible=self.crowded, note="done", rate=None, eta=None
+        )
+
+    def begin(self, task: TaskID) -> None:
+        """Show the bar of one file."""
+        self._bars.update(task, visible=True)
+
+    def end(self, task: TaskID) -> None:
+        """Count one file, and make room."""
+        self._bars.update(task, visible=not self.crowded)
+        self._bars.advance(self._task)
 
 
 @dataclass
@@ -97,15 +137,23 @@ class _Errand:
 
     client: Client
     path: Path
+    name: str
     fields: dict[str, str | list[str]]
     mesh_format: str
     target: Path
     bars: Bars
     task: TaskID
+    whole: _Whole
     stopping: list[int]
+    begun: bool = False
+    accepted: bool = False
 
     def run(self) -> int:
         """Upload, follow, download; returns the exit code of a command that does no more, and says why it is not 0."""
+        if self.stopping:
+            return INTERRUPTED
+        self.begun = True
+        self.whole.begin(self.task)
         try:
             return self._run()
         except _LeftError:
@@ -114,15 +162,17 @@ class _Errand:
             return self._failed(str(e), FAILED)
         except OSError as e:
             return self._failed(f"{e.filename}: {e.strerror}", FAILED)
+        finally:
+            self.whole.end(self.task)
 
     def _run(self) -> int:
-        self._look_up()
         try:
             job = self.client.submit(self.path, self.fields)
         except RefusedError as e:
             return self._failed(str(e), REFUSED if e.status in _OURS else FAILED)
         except OSError as e:
             return self._failed(str(e.strerror), REFUSED)
+        self.accepted = True
         saved: set[int] = set()
         for job in self.client.follow(job["id"], meanwhile=self._look_up):  # noqa: B020 (the newest is what counts)
             show(self.bars, self.task, job)
@@ -147,7 +197,7 @@ class _Errand:
 
     def _failed(self, sentence: str, code: int) -> int:
         self.bars.update(self.task, note="failed", rate=None)
-        err.print(f"{_name(self.path)}: {sentence}", markup=False)
+        err.print(f"{self.name}: {sentence}", markup=False)
         return code
 
 
@@ -168,12 +218,13 @@ def show(bars: Bars, task: TaskID, job: dict[str, Any]) -> None:
 
 
 def _bar(bars: Bars, name: str) -> TaskID:
-    return bars.add_task(name, total=1, note="uploading", rate=None, eta=None)
+    return bars.add_task(name, total=1, visible=False, note="uploading", rate=None, eta=None)
 
 
-def _name(path: Path) -> str:
-    """Return what a file is called; `.` and `/` have no name of their own."""
-    return path.name or str(path)
+def _names(files: list[Path]) -> list[str]:
+    """Return what each file is called: by its path where another has its name; `.` and `/` have none of their own."""
+    several = Counter(path.name for path in files)
+    return [path.name if path.name and several[path.name] == 1 else str(path) for path in files]
 
 
 def _stems(files: list[Path]) -> list[str]:

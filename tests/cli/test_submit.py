@@ -1,16 +1,19 @@
 from __future__ import annotations
 
 import os
+import re
+import signal
 import socket
 from pathlib import Path
 
 import pytest
 
+from spherify.client import Client
 from spherify.formats import read_mesh, write_mesh
 from spherify.geometry.samples import SAMPLES
-from tests.cli.program import spherify, spherify_here
-from tests.cli.test_morph import OCTAHEDRON
-from tests.stack import Stack
+from tests.cli.program import running, spherify, spherify_here
+from tests.cli.test_morph import LAST_FACE, OCTAHEDRON
+from tests.stack import Stack, wait_for
 
 
 @pytest.fixture
@@ -41,6 +44,53 @@ def test_files_of_one_name_do_not_overwrite_each_other(stack: Stack, meshes: Pat
         len(read_mesh(path, path.name).mesh.vertices) for path in sorted(meshes.glob("stone*_it00001.ply"))
     ]
     assert len(set(sizes)) == 2
+
+
+def test_files_of_one_name_are_told_apart_by_their_folders(stack: Stack, meshes: Path) -> None:
+    for folder in ("a", "b"):
+        (meshes / folder).mkdir()
+        (meshes / folder / "same.obj").write_text(OCTAHEDRON)
+    done = spherify_here("submit", "a/same.obj", "b/same.obj", "--url", stack.url, cwd=meshes)
+    assert done.code == 2
+    assert {line.partition(": ")[0] for line in done.err.splitlines() if ": " in line} == {
+        "a/same.obj",
+        "b/same.obj",
+    }
+
+
+def test_of_more_files_than_a_terminal_has_lines_those_at_work_are_shown(stack: Stack, meshes: Path) -> None:
+    names = [f"{n}.obj" for n in range(12)]
+    for name in names:
+        (meshes / name).write_text(OCTAHEDRON + LAST_FACE)
+    done = spherify(
+        "submit", *names, "--url", stack.url, "--iterations", "1", cwd=meshes,
+        environment={"FORCE_COLOR": "1", "TERM": "xterm", "LINES": "11", "COLUMNS": "100"},
+    )  # fmt: skip
+    assert done.code == 0, done.err
+    drawn = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", done.err)
+    assert "..." not in drawn, "what is at work is below the last line"
+    last = drawn[drawn.rindex("all files") :]
+    assert "12/12 done" in last
+    assert all(f"{name} " in last for name in names)
+
+
+def test_after_ctrl_c_it_says_how_many_were_accepted(stack: Stack, meshes: Path) -> None:
+    names = [f"{n}.off" for n in range(10)]
+    for name in names:
+        (meshes / name).write_bytes((meshes / "cube.off").read_bytes())
+    long = ["--preset", "paper", "--set", "step=1e-6", "--iterations", "900000", "--snapshots", "0"]
+    tag = f"ctrl-c-{meshes.name.lower()}"
+    with (
+        Client(stack.url) as client,
+        running("submit", *names, "--url", stack.url, *long, "--set", f"tags={tag}", cwd=meshes) as command,
+    ):
+        wait_for(lambda: len(client.jobs(tag)) == 8, what="as many as are sent at once")
+        assert command.end(signal.SIGINT) == 130
+        for job in client.jobs(tag):
+            client.cancel(job["id"])
+    said = f"interrupted; 8 of 10 files were accepted, and their jobs go on: curl {stack.url}/v1/jobs"
+    assert said in command.text
+    assert "9.off" not in command.text, "nobody has sent it"
 
 
 def test_the_same_bytes_as_a_local_run(stack: Stack, meshes: Path) -> None:
