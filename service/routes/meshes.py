@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from http import HTTPStatus
-from typing import Annotated
+from typing import Annotated, Final
 
 from anyio import to_thread
 from fastapi import APIRouter, Query, Request, Response
@@ -19,13 +19,14 @@ from service.paging import DEFAULT_LIMIT, Cursor, Limit, link_header, links
 from service.problems import invalid
 from service.queries import KNOWN_QUERY
 from service.repeats import IDEMPOTENT, Identity, once
-from service.requests import MAX_NAME, parse_allow
+from service.requests import parse_allow
 from service.schemas import MeshOut, PageOut, mesh_out
 from service.uploads import DIGEST, raw_upload
 from spherify.jobs.delete import delete_mesh
 from spherify.jobs.model import MeshRecord
 
 router = APIRouter(prefix="/v1/meshes", tags=["Meshes"], dependencies=[KNOWN_QUERY])
+_NAME_MOST: Final = 255  # as long as file systems have them; `safe_name` shortens it, as that of a form
 _KNOWN = {"description": "These bytes are known already: the record they have.", "headers": doc.LOCATION}
 _UPLOADED = doc.problems(
     "malformed-multipart",
@@ -99,7 +100,7 @@ async def put_mesh(
     request: Request,
     context: Context,
     name: Annotated[
-        str, Query(min_length=1, max_length=MAX_NAME, description="File name; its ending names the format.")
+        str, Query(min_length=1, max_length=_NAME_MOST, description="File name; its ending names the format.")
     ],
     allow: Annotated[list[str], Query(description=doc.ALLOW_SCHEMA["description"])] = [],  # noqa: B006 (FastAPI copies it)
 ) -> Response:

@@ -215,6 +215,13 @@ def test_a_mesh_whose_files_were_lost_is_mended_by_sending_it_again(
     assert client.get(mesh["links"]["ply"]).status_code == 200
 
 
+def test_a_long_name_is_shortened_whichever_way_the_mesh_comes(client: httpx.Client) -> None:
+    name = "n" * 251 + ".obj"
+    raw = client.put(f"/v1/meshes?name={name}", content=stretched(7)).json()
+    assert raw["name"] == "n" * 116 + ".obj"
+    assert upload(client, stretched(8), name=name).json()["name"] == raw["name"]
+
+
 @pytest.mark.parametrize(
     ("name", "saved"), [("cat", "cat.obj"), ("cat.png", "cat.png.obj"), ("Cat.OBJ", "Cat.OBJ")]
 )
