@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, TypeAlias, get_args
@@ -349,6 +350,7 @@ def resolve(preset: str, overrides: Mapping[str, Any]) -> CurvatureParameters | 
             raise InvalidConfigError(
                 f"the method {config.method} has no parameter {name}; it has {', '.join(model.model_fields)}"
             )
-    parameters = model.model_validate({**asdict(config), **overrides})
+    # As JSON, of which strictness takes lists for tuples: true is no number, whoever says it.
+    parameters = model.model_validate_json(json.dumps({**asdict(config), **overrides}), strict=True)
     parameters.config()
     return parameters

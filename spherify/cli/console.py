@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Final, NoReturn
+from typing import Any, Final, NoReturn
 
 import typer
 from rich.console import Console
@@ -25,6 +25,13 @@ def fail(sentence: str, code: int = FAILED) -> NoReturn:
     """Say why on standard error and end with that code."""
     err.print(f"spherify: {sentence}", markup=False)
     raise typer.Exit(code)
+
+
+def code_of(job: dict[str, Any]) -> int:
+    """Return what a finished job, as the API tells it, lets a command end with."""
+    if job["status"] == "successful":
+        return 0
+    return COLLAPSED if job["stop_reason"] == "collapsed" else FAILED
 
 
 def warn(sentence: str) -> None:

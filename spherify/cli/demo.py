@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import tempfile
 from collections import deque
 from collections.abc import Callable
@@ -11,8 +13,9 @@ from typing import Annotated, Any, Final
 import typer
 from rich.table import Table
 
-from spherify.cli.console import COLLAPSED, INTERRUPTED, REFUSED, err, fail, out, progress_bar
-from spherify.cli.inputs import MethodOption, PresetOption
+from spherify.cli.console import INTERRUPTED, REFUSED, code_of, err, fail, out, progress_bar
+from spherify.cli.inputs import SAMPLE as SAMPLE_PREFIX
+from spherify.cli.inputs import MethodOption, PresetOption, read_settings, sample
 from spherify.cli.interruption import interruptible
 from spherify.cli.stack import DEFAULT, Address, Stack, StackError
 from spherify.cli.submit import show
@@ -20,7 +23,6 @@ from spherify.client import Client, RefusedError, ServiceError, UnreachableError
 from spherify.formats import ReadLimits, write_mesh
 from spherify.formats.acceptance import read
 from spherify.geometry.mesh import TriangleMesh
-from spherify.geometry.samples import SAMPLES
 from spherify.stores.embedded import EmbeddedServerError
 
 SAMPLE: Final = "quadruped"
@@ -34,27 +36,33 @@ LOG_LINES: Final = 20  # of the programs, shown if one of them fails
 
 def demo(
     file: Annotated[
-        Path | None, typer.Argument(metavar="[FILE]", help="A mesh of yours; a sample animal by default.")
+        Path | None,
+        typer.Argument(
+            metavar="[FILE]", help="A mesh, or a sample such as sample:head; by default an animal."
+        ),
     ] = None,
     *,
     folder: Annotated[
-        Path, typer.Option("--output", "-o", metavar="DIR", help="Where snapshots and picture go.")
+        Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the snapshots and the picture.")
     ] = Path("demo-output"),
     method: MethodOption = None,
     preset: PresetOption = None,
-    iterations: Annotated[int, typer.Option(min=1, help="At most so many.")] = ITERATIONS,
+    iterations: Annotated[
+        int, typer.Option(min=1, metavar="N", help="Maximum number of iterations.")
+    ] = ITERATIONS,
     up_axis: Annotated[
-        str, typer.Option("--up", help="The axis that stands upright in the picture: x, y, z.")
+        str, typer.Option("--up", metavar="AXIS", help="Axis that stands upright in the picture: x, y or z.")
     ] = "z",
 ) -> None:
     """Start the whole service, morph a mesh through it over HTTP, save snapshots and a picture, stop it again."""
     if up_axis not in {"x", "y", "z"}:
         fail(f"--up must be x, y or z, not {up_axis!r}", REFUSED)
+    read_settings()  # before anything is started
     with interruptible() as stopping:
         try:
             folder.mkdir(parents=True, exist_ok=True)
             with tempfile.TemporaryDirectory(prefix="spherify-demo-") as scratch:
-                mesh = file or _sample(Path(scratch))
+                mesh = _mesh(file, Path(scratch))
                 fields = {"iterations": str(iterations), "snapshots": _plan(iterations)}
                 fields |= {k: v for k, v in (("method", method), ("preset", preset)) if v is not None}
                 job, figures = _through_the_stack(mesh, fields, folder, Path(scratch) / "data", stopping)
@@ -69,12 +77,20 @@ def demo(
     picture = _picture(folder, mesh.stem, figures, up_axis)
     _tell(job, figures, folder, picture)
     if job["status"] != "successful":
-        fail(job["error"]["detail"] if job["error"] else job["status"], COLLAPSED)
+        fail(job["error"]["detail"] if job["error"] else job["status"], code_of(job))
 
 
-def _sample(scratch: Path) -> Path:
-    path = scratch / f"{SAMPLE}.obj"
-    path.write_bytes(write_mesh(SAMPLES[SAMPLE].build(SAMPLE_VERTICES), "obj"))
+def _mesh(file: Path | None, scratch: Path) -> Path:
+    """Return the mesh's file, of a sample a new one in ``scratch``; ends the program if there is none."""
+    text = f"{SAMPLE_PREFIX}{SAMPLE}:{SAMPLE_VERTICES}" if file is None else str(file)
+    if text.startswith(SAMPLE_PREFIX):
+        name = text.removeprefix(SAMPLE_PREFIX)
+        path = scratch / f"{name.partition(':')[0]}.obj"
+        path.write_bytes(write_mesh(sample(name), "obj"))
+        return path
+    path = Path(text)
+    if not path.exists():  # before anything is started
+        fail(f"{path}: {os.strerror(errno.ENOENT)}", REFUSED)
     return path
 
 

@@ -92,10 +92,10 @@ def fill(client: Client, stop: threading.Event, say: Say) -> bool:
 
 
 def _idle(client: Client, stop: threading.Event) -> bool:
-    """Wait until no job is on its way; returns whether there is still somebody to wait for."""
+    """Wait until no job is waiting or running; return False if told to stop before that."""
     while not stop.is_set():
-        counts: dict[str, Any] = client.info()["jobs"] or {}
-        if not any(counts.get(status) for status in ("accepted", "running", "cancelling")):
+        counts: dict[str, Any] | None = client.info()["jobs"]  # None while the store does not answer
+        if counts is not None and not any(map(counts.get, ("accepted", "running", "cancelling"))):
             return True
         stop.wait(LOOK_S)
     return False

@@ -20,6 +20,7 @@ from spherify.geometry.mesh import TriangleMesh
 from spherify.geometry.presets import PRESETS
 from spherify.geometry.samples import SAMPLES
 from spherify.parameters import PARAMETERS_OF, Parameters, chosen_preset, resolve
+from spherify.settings import Settings
 
 MethodOption: TypeAlias = Annotated[
     str | None, typer.Option(help="curvature, conformal or mean-curvature; the preset's by default.")
@@ -71,6 +72,17 @@ def sample(text: str) -> TriangleMesh:
     if len(vertices) > len(str(SAMPLE_MOST)) or int(vertices or 0) > SAMPLE_MOST:
         fail(f"a sample has at most {SAMPLE_MOST:,} vertices", REFUSED)
     return SAMPLES[name].build(int(vertices or SAMPLE_VERTICES))
+
+
+def read_settings() -> Settings:
+    """Read what the environment says; ends the program where it is wrong."""
+    try:
+        return Settings()
+    except ValidationError as e:
+        first = e.errors(include_url=False, include_context=False, include_input=False)[0]
+        name = str(first["loc"][0]).upper()
+        name = name if name == "REDIS_URL" else f"SPHERIFY_{name.removeprefix('SPHERIFY_')}"
+        fail(f"{name} in the environment: {first['msg'].removeprefix('Value error, ')}", REFUSED)
 
 
 def parameters_of(

@@ -18,10 +18,11 @@ from typing import Final, Self
 import httpx
 
 from spherify.cli.programs import Program, Say, describe
+from spherify.settings import Settings
 from spherify.stores.embedded import EmbeddedServer
 
 READY_S: Final = 60.0
-STOP_S: Final = 8.0  # a worker hands its job on within cancel_grace_s and a moment
+HANDING_ON_S: Final = 8.0  # beyond the grace time, in which a worker hands its job on, or gives up at last
 LOOK_S: Final = 0.1
 _EVERYWHERE: Final = {"0.0.0.0", "::", ""}  # noqa: S104 (recognised, not bound)
 
@@ -53,6 +54,7 @@ class Stack:
         self._listener = _listen(address)
         self._workers = workers
         self._say = say
+        self._stop_s = Settings().cancel_grace_s + HANDING_ON_S
         self._server: EmbeddedServer | None = None
         self._programs: list[Program] = []
 
@@ -113,7 +115,7 @@ class Stack:
         """Stop everything: the API takes no more, workers hand their jobs on, the server last."""
         for program in self._programs:
             program.terminate()
-        deadline = time.monotonic() + STOP_S
+        deadline = time.monotonic() + self._stop_s
         for program in self._programs:
             program.reap(deadline)
         self._programs = []

@@ -12,7 +12,7 @@ import typer
 from rich.progress import Progress as Bars
 from rich.progress import TaskID
 
-from spherify.cli.console import COLLAPSED, FAILED, INTERRUPTED, REFUSED, err, fail, progress_bar
+from spherify.cli.console import FAILED, INTERRUPTED, REFUSED, code_of, err, fail, progress_bar
 from spherify.cli.inputs import MethodOption, PresetOption
 from spherify.cli.interruption import interruptible
 from spherify.client import Client, InvalidAddressError, RefusedError, ServiceError
@@ -184,7 +184,7 @@ class _Errand:
             return 0
         return self._failed(
             job["error"]["detail"] if job["error"] else f"job {job['id']} was cancelled",
-            COLLAPSED if job["stop_reason"] == "collapsed" else FAILED,
+            code_of(job),
         )
 
     def _look_up(self) -> None:

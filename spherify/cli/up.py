@@ -10,14 +10,13 @@ from pathlib import Path
 from typing import Annotated, Final
 
 import typer
-from pydantic import ValidationError
 
 from spherify import __version__
-from spherify.cli.console import COLOURS, REFUSED, fail
+from spherify.cli.console import COLOURS, fail
 from spherify.cli.gallery import Gallery
+from spherify.cli.inputs import read_settings
 from spherify.cli.interruption import interruptible
 from spherify.cli.stack import DEFAULT, LOOK_S, Address, Stack, StackError
-from spherify.settings import Settings
 from spherify.stores.embedded import EmbeddedServerError
 
 BANNER: Final = """
@@ -56,7 +55,7 @@ def up(
     ] = True,
 ) -> None:
     """Run the service on this machine until Ctrl-C: API, workers, and a server of its own unless REDIS_URL is set."""
-    settings = _settings()
+    settings = read_settings()
     folder = data or settings.data_dir
     shared = "redis_url" in settings.model_fields_set and bool(settings.redis_url)
     redis_url = settings.redis_url if shared else None
@@ -101,13 +100,3 @@ def print_plain(text: str) -> None:
     with _saying:
         sys.stderr.write(text)
         sys.stderr.flush()
-
-
-def _settings() -> Settings:
-    try:
-        return Settings()
-    except ValidationError as e:
-        first = e.errors(include_url=False, include_context=False, include_input=False)[0]
-        name = str(first["loc"][0]).upper()
-        name = name if name == "REDIS_URL" else f"SPHERIFY_{name.removeprefix('SPHERIFY_')}"
-        fail(f"{name} in the environment: {first['msg'].removeprefix('Value error, ')}", REFUSED)

@@ -58,3 +58,16 @@ def test_ctrl_c_stops_everything(tmp_path: Path) -> None:
         await_gone(family)
     assert "Traceback" not in demo.text
     assert not os.listdir(scratch)
+
+
+def test_a_file_that_is_not_there_is_told_before_anything_is_started(tmp_path: Path) -> None:
+    done = spherify("demo", "nowhere.obj", cwd=tmp_path)
+    assert done.code == 2
+    assert done.err == "spherify: nowhere.obj: No such file or directory\n"
+
+
+def test_a_run_that_ends_otherwise_than_by_a_collapse_does_not_say_that_it_collapsed(tmp_path: Path) -> None:
+    options = ["sample:stone:10000", "--preset", "paper", "--iterations", "100000"]
+    done = spherify("demo", *options, cwd=tmp_path, environment={"SPHERIFY_WALL_LIMIT_S": "0.01"})
+    assert done.code == 1, done.err
+    assert (tmp_path / "demo-output" / "stone.png").read_bytes().startswith(PNG)

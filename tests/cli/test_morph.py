@@ -179,6 +179,8 @@ def test_a_switch_lets_the_same_mesh_in(tmp_path: Path) -> None:
             "no parameter stride; there are method, iterations",
         ),
         (["sample:cube", "-o", "out.ply", "--set", "step=-1"], "step"),
+        (["sample:cube", "-o", "out.ply", "--set", "iterations=true"], "iterations: "),
+        (["sample:cube", "-o", "out.ply", "--set", "step=NaN"], "step"),
         (["sample:cube", "-o", "out.ply", "--set", "window=[70,30]"], "window"),
         (["sample:cube", "-o", "out.ply", "--snapshots", "often"], "every:N"),
         (["sample:cube", "-o", "out.ply", "--iterations", "5", "--snapshots", "9"], "0 … 5"),
