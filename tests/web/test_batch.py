@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, expect
 
 from tests.e2e.api import Api
 from tests.e2e.test_readme import BOX_WITHOUT_A_LID
@@ -53,3 +53,35 @@ def test_a_refused_one_of_several_is_shown_by_itself(
     page.locator("input[type=file]").set_input_files(files)
     page.get_by_role("button", name="See why: box.obj").click()
     expect(page.get_by_label("Why it was refused")).to_contain_text("4 edges have one face only")
+
+
+def test_while_runs_are_not_sent_yet_the_browser_asks_before_it_leaves(
+    page: Page, stack: Stack, animal: bytes
+) -> None:
+    held: list[Route] = []
+
+    def hold_the_first(route: Route) -> None:
+        if route.request.method == "POST" and not held:
+            held.append(route)
+        else:
+            route.continue_()
+
+    page.route("**/v1/jobs", hold_the_first)
+    page.goto(stack.url)
+    names = ("cat.obj", "dog.obj")
+    files = [
+        {"name": name, "mimeType": "model/obj", "buffer": animal + name.encode().join([b"# ", b"\n"])}
+        for name in names
+    ]
+    page.locator("input[type=file]").set_input_files(files)
+    with page.expect_request(lambda request: request.method == "POST" and request.url.endswith("/v1/jobs")):
+        page.get_by_role("button", name="Run all 2").click()
+    with page.expect_event("dialog") as asked:
+        page.close(run_before_unload=True)
+    assert asked.value.type == "beforeunload"
+    asked.value.dismiss()
+    held[0].continue_()
+    for name in names:
+        expect(page.get_by_role("row", name=name).get_by_text("Done")).to_be_visible()
+    with page.expect_event("close"):
+        page.close(run_before_unload=True)

@@ -179,11 +179,13 @@ export class BatchView implements View {
 
   private async submit(): Promise<void> {
     this.columns = this.form.columns;
+    window.addEventListener('beforeunload', ask); // what is not sent yet would be lost
     for (const entry of this.ready)
       for (const column of this.columns) {
         entry.runs.push(await this.begin(entry, column));
         this.context.refresh();
       }
+    window.removeEventListener('beforeunload', ask);
     void this.context.jobs.load();
     this.look();
   }
@@ -229,4 +231,9 @@ export class BatchView implements View {
     }
     this.look();
   }
+}
+
+/** Have the browser ask before it leaves the page. */
+function ask(event: BeforeUnloadEvent): void {
+  event.preventDefault();
 }
