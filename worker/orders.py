@@ -30,6 +30,7 @@ class Order:
         data_dir: folder of the blob store.
         memory_bytes: limit of the runner's address space.
         deadline_s: seconds from the moment it has the order; then it keeps the state it is at, and ends.
+        limit_s: seconds that all attempts together may take, to be named at the deadline.
         checkpoint_s: seconds between checkpoints.
         engine: who computes a new run; None is the default.
         threads: it computes with.
@@ -42,6 +43,7 @@ class Order:
     data_dir: str
     memory_bytes: int
     deadline_s: float
+    limit_s: float
     checkpoint_s: float
     engine: str | None = None
     threads: int = 1

@@ -194,6 +194,7 @@ def _run(mesh: TriangleMesh, spec: JobSpec, sink: PipeSink, told: list[Stop], si
                 resume=found.arrays,
                 stop=lambda: told[-1] if told else None,
                 deadline_s=sink.order.deadline_s,
+                limit_s=sink.order.limit_s,
                 since=since,
                 checkpoint_s=sink.order.checkpoint_s,
             )

@@ -22,6 +22,7 @@ from spherify.jobs.model import JobError, JobStatus, Outcome, Progress
 from spherify.jobs.outcome import DEADLINE_ADVICE, internal_error
 from spherify.jobs.ports import BlobStore, Claim, ClaimOutcome, JobQueue, JobStore, Renewal
 from spherify.jobs.results import read_result
+from spherify.jobs.run import limit_reached
 from spherify.settings import Settings
 from worker.ending import Ending, insist, say
 from worker.orders import CANCEL_SIGNAL, HAND_ON_SIGNAL, Order
@@ -40,7 +41,7 @@ FAILED_STARTS: Final = (
 REST_S: Final = 1.0  # after a job whose files could not be reached: the next one's may be as far
 _LEAST_S: Final = 3.0  # time for an attempt at a job whose limit is over, in which the runner tells so
 _SPARE_S: Final = 0.5  # a brief job is not to share its processor with the start of a spare
-_TICK_S: Final = 0.25
+TICK_S: Final = 0.25
 log = logging.getLogger(__name__)
 
 
@@ -150,7 +151,7 @@ class _Attempt:
         self._job_id = job_id
         self._token = claim.token
         self._claim = claim
-        self._limit_s = max(boss.settings.wall_limit_s - claim.spent_s, _LEAST_S)
+        self._left_s = max(boss.settings.wall_limit_s - claim.spent_s, _LEAST_S)
         self._keep_delivery = keep_delivery
         self._ending = boss.ending(job_id, claim.token)
         now = time.monotonic()
@@ -185,7 +186,8 @@ class _Attempt:
                     token=self._token,
                     data_dir=str(self._settings.data_dir / "blobs"),
                     memory_bytes=self._settings.runner_memory_bytes,
-                    deadline_s=self._limit_s,
+                    deadline_s=self._left_s,
+                    limit_s=self._settings.wall_limit_s,
                     checkpoint_s=self._settings.checkpoint_s,
                     engine=None if self._settings.engine == "auto" else self._settings.engine,
                     threads=self._settings.threads,
@@ -215,7 +217,7 @@ class _Attempt:
         self._ending.hand_on(ahead=False)
         till = time.monotonic() + REST_S
         while time.monotonic() < till and not self._boss.stopping():
-            time.sleep(_TICK_S)
+            time.sleep(TICK_S)
 
     def give_up(self, error: Exception) -> None:
         """End after a fault of this process: one of the machine counts as a loss, one of the program as the end."""
@@ -239,7 +241,7 @@ class _Attempt:
 
     def _watch(self, runner: Runner) -> Verdict:
         while True:
-            for event in runner.events(_TICK_S):
+            for event in runner.events(TICK_S):
                 self._hear(event)
             now = time.monotonic()
             # A worker that is to end waits for no server that does not answer: the lease is long enough.
@@ -293,7 +295,7 @@ class _Attempt:
         if self._boss.stopping():
             self._tell(Verdict.STOPPED, now)
         computing_s = 0.0 if self._ready_at is None else now - self._ready_at  # a start may take its time
-        overdue = computing_s > self._limit_s + grace  # it looks at its limit itself
+        overdue = computing_s > self._left_s + grace  # it looks at its limit itself
         deaf = self._told is not None and now - self._told_at > grace
         if overdue or deaf:
             if not self._killed:
@@ -343,10 +345,8 @@ class _Attempt:
             error = internal_error(self._job_id, f"the runner ended with exit code {exit_code}")
             return Outcome(JobStatus.FAILED, best_iteration=self._ending.outbox.best, error=error), None
         if verdict is Verdict.OVERDUE:
-            limit = self._settings.wall_limit_s
-            error = JobError(
-                "deadline", f"{limit:g} s were over, and the runner was stopped; {DEADLINE_ADVICE}"
-            )
+            reached = limit_reached(self._settings.wall_limit_s)
+            error = JobError("deadline", f"{reached}, and the runner was stopped; {DEADLINE_ADVICE}")
             last, best = self._ending.outbox.latest, self._ending.outbox.best
             return Outcome(JobStatus.FAILED, "deadline", None, last, best, error), None
         return Outcome(JobStatus.CANCELLED, best_iteration=self._ending.outbox.best), None

@@ -104,6 +104,7 @@ def run(
     resume: Mapping[str, NDArray[Any]] | None = None,
     stop: Callable[[], Stop | None] = lambda: None,
     deadline_s: float = float("inf"),
+    limit_s: float | None = None,
     since: float | None = None,
     checkpoint_s: float = CHECKPOINT_S,
     clock: Callable[[], float] = time.monotonic,
@@ -118,7 +119,8 @@ def run(
         engine: who computes; by default the one of what is resumed, else the default one.
         resume: the arrays of a snapshot or checkpoint of the same run, see `Kept`.
         stop: see `Stop`.
-        deadline_s: seconds of computing.
+        deadline_s: seconds of computing that are left to this call.
+        limit_s: seconds of which those are the rest, to be named at the deadline; None: they are all.
         since: the moment they count from, by the clock; None is this call.
         checkpoint_s: seconds between states kept to go on from.
         clock: seconds, never going back.
@@ -128,8 +130,17 @@ def run(
 
     """
     return _Run(config, plan, sink, resume, clock=clock, checkpoint_s=checkpoint_s).to_the_end(
-        flow(mesh, config, engine=engine, resume=resume), stop, deadline_s, since
+        flow(mesh, config, engine=engine, resume=resume),
+        stop,
+        deadline_s,
+        deadline_s if limit_s is None else limit_s,
+        since,
     )
+
+
+def limit_reached(limit_s: float) -> str:
+    """Return the beginning of a sentence on a time limit that was reached."""
+    return f"the limit of {limit_s:g} s, all attempts together, was up"
 
 
 class _Run:
@@ -165,6 +176,7 @@ class _Run:
         states: Iterator[FlowState],
         stop: Callable[[], Stop | None],
         deadline_s: float,
+        limit_s: float,
         since: float | None,
     ) -> RunEnd:
         """Follow the states; see `run`."""
@@ -181,7 +193,7 @@ class _Run:
                 self._keep(state, to_leave=True)  # the next attempt begins after it
                 return self._left(state, None, None)
             if self._clock() - since >= deadline_s:
-                detail = f"{deadline_s:g} s of computing were over after iteration {state.iteration}"
+                detail = f"{limit_reached(limit_s)} after iteration {state.iteration}"
                 return self._end(state, StopReason.DEADLINE, detail)
             self._keep(state)
         raise AssertionError("a flow ends with a reason")

@@ -207,7 +207,14 @@ def test_a_deadline_that_was_over_before_the_run_began_says_how_long_it_was() ->
     end, sink = recorded(stone(), config(iterations=1000), clock=clock, deadline_s=60.0, since=clock() - 99.0)
     assert (end.stop_reason, end.iteration) == (StopReason.DEADLINE, 0)
     assert list(sink.snapshots) == [0]
-    assert end.stop_detail == "60 s of computing were over after iteration 0"
+    assert end.stop_detail == "the limit of 60 s, all attempts together, was up after iteration 0"
+
+
+def test_a_deadline_names_the_limit_and_not_what_was_left_of_it() -> None:
+    limits = {"deadline_s": 1600.0, "limit_s": 21600.0}
+    clock = ticking(0.01)
+    end, _ = recorded(stone(), config(iterations=1000), clock=clock, since=clock() - 1600.0, **limits)
+    assert end.stop_detail == "the limit of 21600 s, all attempts together, was up after iteration 0"
 
 
 def test_a_collapse_fails_with_its_best_state_and_advice() -> None:

@@ -78,7 +78,7 @@ def test_a_damaged_checkpoint_is_passed_over(blobs: FolderBlobStore, how: str) -
 def test_where_the_newest_checkpoint_is_damaged_the_one_before_is_taken(blobs: FolderBlobStore) -> None:
     folder = layout.checkpoints(JOB)
     content = load_arrays(blobs.read(layout.numbered(folder, 1, 24)))
-    order = Order(JOB, 1, str(blobs.root), memory_bytes=1, deadline_s=1, checkpoint_s=1)
+    order = Order(JOB, 1, str(blobs.root), memory_bytes=1, deadline_s=1, limit_s=1, checkpoint_s=1)
     sink = PipeSink(blobs, order, io.BytesIO())
     for iteration in (26, 28):
         counts = content["counts"].copy()
@@ -126,7 +126,7 @@ def test_a_checkpoint_replaces_the_earlier_ones_but_one_and_not_those_of_a_later
     ]  # by number, not by name
     for key in (later, *older):
         blobs.create(key, b"")
-    order = Order(JOB, 2, str(blobs.root), memory_bytes=1, deadline_s=1, checkpoint_s=1)
+    order = Order(JOB, 2, str(blobs.root), memory_bytes=1, deadline_s=1, limit_s=1, checkpoint_s=1)
     PipeSink(blobs, order, io.BytesIO()).checkpoint(Kept(22, {"vertices": stone().vertices}, {}))
     assert {stat.key for stat in blobs.list(folder)} == {older[-1], layout.numbered(folder, 2, 22), later}
 

@@ -79,6 +79,7 @@ def _order(job_id: str, data_dir: Path, **changes: Any) -> Order:
         data_dir=str(data_dir),
         memory_bytes=resource.RLIM_INFINITY,
         deadline_s=60.0,
+        limit_s=60.0,
         checkpoint_s=60.0,
         **changes,
     )

@@ -76,7 +76,7 @@ def order(
             layout.mesh_arrays(mesh_id), dump_arrays({"vertices": mesh.vertices, "faces": mesh.faces})
         )
     blobs.create(layout.spec(spec.id), dump_record(spec).encode())
-    return Order(spec.id, 1, str(blobs.root), memory_bytes, deadline_s=60, checkpoint_s=60)
+    return Order(spec.id, 1, str(blobs.root), memory_bytes, deadline_s=60, limit_s=60, checkpoint_s=60)
 
 
 def events_of(runner: Runner) -> list[dict[str, Any]]:

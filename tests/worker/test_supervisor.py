@@ -102,6 +102,9 @@ def test_a_runner_that_outruns_its_limit_fails_with_the_last_state_it_kept(
     assert (job.status, job.stop_reason, job.losses) == (JobStatus.FAILED, "deadline", 0)
     assert job.error is not None
     assert job.error.code == "deadline"
+    assert job.error.detail.startswith(
+        "the limit of 3 s, all attempts together, was up, and the runner was stopped"
+    )
     assert job.result_iteration == job.snapshots[-1].iteration == 2
     assert not runners.last.alive
 
@@ -276,6 +279,7 @@ def test_the_time_limit_is_that_of_all_attempts_together(
     assert (job.status, job.stop_reason, job.attempt) == (JobStatus.FAILED, "deadline", 2)
     assert job.error is not None
     assert job.error.code == "deadline"
+    assert job.error.detail.startswith("the limit of 3600 s, all attempts together, was up after iteration")
     assert job.result_iteration is not None
 
 
