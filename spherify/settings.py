@@ -16,7 +16,10 @@ from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 MIB = 1024 * 1024
 PREFIX = "SPHERIFY_"
-_NOT_OURS = {"SPHERIFY_REDIS_URL", "SPHERIFY_URL"}  # another name, and where the commands find a service
+_KNOWN_BESIDE = {
+    "SPHERIFY_REDIS_URL",
+    "SPHERIFY_URL",
+}  # REDIS_URL by another name; where the commands find a service
 
 
 class Settings(BaseSettings):
@@ -34,7 +37,7 @@ class Settings(BaseSettings):
         default="redis://127.0.0.1:6379/0",
         validation_alias=AliasChoices("REDIS_URL", "SPHERIFY_REDIS_URL"),
         description="Server of the job records and of the queue: redis://, rediss:// or unix://. "
-        "`spherify up` starts one of its own when this is not set.",
+        "`spherify up` starts one of its own when this is not set. `SPHERIFY_REDIS_URL` is another name of it.",
     )
     data_dir: Path = Field(
         default=Path("data"),
@@ -75,9 +78,17 @@ class Settings(BaseSettings):
         description="Converted files kept in the data folder to be handed out again, in bytes; more are thrown away.",
     )
     lease_s: float = Field(
-        default=30.0, gt=0, description="A worker that does not renew for this long has lost its job."
+        default=30.0,
+        ge=1,  # a worker gives up at 0.8 of it, and renews every half second, give or take a quarter
+        description="A worker that does not renew its lease for this long has lost its job; it renews twice a second.",
     )
-    heartbeat_s: float = Field(default=5.0, gt=0, description="How often a worker renews its lease.")
+    heartbeat_s: float = Field(
+        default=5.0,
+        gt=0,
+        le=30,  # so that three in a row may get lost
+        description="How often a worker tells the queue that it is still at a job; after 120 s without that, the queue "
+        "delivers the job once more.",
+    )
     reconcile_s: float = Field(
         default=5.0, gt=0, description="How often lost and unsent jobs are looked for."
     )
@@ -108,7 +119,8 @@ class Settings(BaseSettings):
     )
     engine: Literal["auto", "reference", "compiled"] = Field(
         default="auto",
-        description="Who computes new jobs; `auto` is `compiled` where numba is. A job stays with who began it.",
+        description="Engine that computes new jobs: `compiled` (machine code by numba), `reference` (numpy alone, "
+        "slower), or `auto`, which is `compiled` where numba is installed. A job stays with the engine it began with.",
     )
     threads: int = Field(default=1, ge=1, description="Threads one runner computes with.")
 
@@ -146,7 +158,7 @@ def _is_server(url: str) -> bool:
 
 def unknown_variables(environment: Mapping[str, str]) -> list[str]:
     """Return a sentence on each variable that looks like a setting and is none: it may be misspelt."""
-    known = {f"{PREFIX}{name.upper()}" for name in Settings.model_fields} | _NOT_OURS
+    known = {f"{PREFIX}{name.upper()}" for name in Settings.model_fields} | _KNOWN_BESIDE
     found = sorted(name for name in environment if name.startswith(PREFIX) and name not in known)
     return [f"{name} is no setting, and does nothing{_meant(name, known)}" for name in found]
 
