@@ -81,5 +81,5 @@ lock: ## make the lock files anew from pyproject.toml (needs uv)
 	uv pip compile --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-header --quiet \
 	  --extra s3 --group build --group dev pyproject.toml -c requirements/runtime.lock -o requirements/dev.lock
 
-clean: ## remove .venv and everything made from the sources
+clean: ## remove .venv, the built page, and what tools have cached
 	rm -rf $(VENV) $(WEB)/node_modules $(WEB)/dist $(WEB)/src/generated build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

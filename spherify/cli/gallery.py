@@ -25,13 +25,13 @@ LOOK_S: Final = 0.5
 def gallery(
     *,
     url: Annotated[
-        str, typer.Option(help="Where the service is.", envvar="SPHERIFY_URL")
+        str, typer.Option(metavar="URL", help="Address of the service.", envvar="SPHERIFY_URL")
     ] = "http://127.0.0.1:8000",
 ) -> None:
     """Give a running service's page its gallery: the paper's shapes with a finished run each, as `up` does by itself.
 
-    Nothing is done on a service that has jobs and no gallery; one that was begun is gone on with. Ends with 0 when the
-    last run is submitted, 1 if the service fails, 2 for a wrong option.
+    Nothing is done on a service that has jobs but no gallery; a gallery that was begun is continued. Exit codes: 0 when
+    the last run is submitted, 1 if the service fails, 2 for a wrong option.
     """
     try:
         with Client(url) as client:

@@ -23,11 +23,32 @@ from spherify.parameters import PARAMETERS_OF, Parameters, chosen_preset, resolv
 from spherify.settings import Settings
 
 MethodOption: TypeAlias = Annotated[
-    str | None, typer.Option(help="curvature, conformal or mean-curvature; the preset's by default.")
+    str | None,
+    typer.Option(
+        metavar="NAME", help="Method: curvature, conformal or mean-curvature; by default, the preset's."
+    ),
 ]
 PresetOption: TypeAlias = Annotated[
     str | None,
-    typer.Option(help="robust (the default), paper or paper-absolute; or conformal, mean-curvature."),
+    typer.Option(
+        metavar="NAME",
+        help="Preset: robust (the default), paper or paper-absolute; or conformal, mean-curvature.",
+    ),
+]
+IterationsOption: TypeAlias = Annotated[
+    int | None,
+    typer.Option(metavar="N", help="Maximum number of iterations; by default, the preset's."),
+]
+AssignmentsOption: TypeAlias = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="NAME=VALUE", help="Change one parameter; may be given several times."),
+]
+AllowOption: TypeAlias = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="KIND",
+        help="Accept meshes with: boundary, components, genus or nonmanifold-vertex; may be given several times.",
+    ),
 ]
 SAMPLE: Final = "sample:"
 SAMPLE_VERTICES: Final = 3000

@@ -16,7 +16,16 @@ import typer
 from rich.progress import Progress as Bars
 
 from spherify.cli.console import COLLAPSED, FAILED, INTERRUPTED, REFUSED, err, fail, progress_bar, warn
-from spherify.cli.inputs import SAMPLE, MethodOption, PresetOption, mesh_of, parameters_of
+from spherify.cli.inputs import (
+    SAMPLE,
+    AllowOption,
+    AssignmentsOption,
+    IterationsOption,
+    MethodOption,
+    PresetOption,
+    mesh_of,
+    parameters_of,
+)
 from spherify.cli.interruption import interruptible
 from spherify.formats import FORMATS_OUT, write_mesh
 from spherify.geometry.errors import GeometryError, InvalidConfigError
@@ -30,41 +39,37 @@ from spherify.jobs.run import Kept, RunEnd, Stop, run
 
 
 def morph(
-    source: Annotated[str, typer.Argument(metavar="IN", help="A mesh file, or sample:NAME.")],
+    source: Annotated[str, typer.Argument(metavar="IN", help="Mesh file, or sample:NAME.")],
     *,
     output: Annotated[
         Path,
-        typer.Option(
-            "--output", "-o", metavar="OUT", help="Where the result goes; its suffix is the format."
-        ),
+        typer.Option("--output", "-o", metavar="OUT", help="File for the result; its suffix is the format."),
     ],
     method: MethodOption = None,
     preset: PresetOption = None,
-    iterations: Annotated[int | None, typer.Option(help="At most so many; the preset's by default.")] = None,
+    iterations: IterationsOption = None,
     snapshots: Annotated[
-        str, typer.Option(help="States written beside OUT: 100,500 or every:100 or log:12.")
+        str, typer.Option(metavar="WHICH", help="States to save beside OUT: 100,500 or every:100 or log:12.")
     ] = "",
-    assignments: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="NAME=VALUE", help="Change one parameter; repeatable."),
-    ] = None,
+    assignments: AssignmentsOption = None,
     engine: Annotated[
         str | None,
-        typer.Option(help=f"Who computes: {' or '.join(ENGINES)}; compiled by default, where numba is."),
+        typer.Option(
+            metavar="NAME",
+            help=f"Engine: {' or '.join(ENGINES)}; by default compiled, where numba can be loaded.",
+        ),
     ] = None,
-    threads: Annotated[int, typer.Option(min=1, help="Threads it computes with.")] = 1,
-    allow: Annotated[
-        list[str] | None,
-        typer.Option(help="Let through: boundary, components, genus or nonmanifold-vertex; repeatable."),
-    ] = None,
+    threads: Annotated[int, typer.Option(min=1, metavar="N", help="Threads to compute with.")] = 1,
+    allow: AllowOption = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print one JSON report on standard output.")
     ] = False,
 ) -> None:
     """Morph one mesh on this machine and write the result.
 
-    Ends with 0 after a run that ended by itself; 2 if the mesh or an option is refused; 3 if the run collapsed (the
-    best state is written); 130 after Ctrl-C (the last state is written).
+    Exit codes: 0 after a run that ended by itself; 1 if something failed, as when a file cannot be written; 2 if the
+    mesh or an option is refused; 3 if the run collapsed (the best state is written); 130 after Ctrl-C (the last state
+    is written).
     """
     form = output.suffix.lower().removeprefix(".")
     if form not in FORMATS_OUT:

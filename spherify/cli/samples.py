@@ -17,9 +17,12 @@ def samples(
     folder: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="DIR", help="Write them all into this folder.")
     ] = None,
-    mesh_format: Annotated[str, typer.Option("--format", help="Of the files.")] = "obj",
+    mesh_format: Annotated[
+        str,
+        typer.Option("--format", metavar="FORMAT", help=f"Format of the files: {', '.join(FORMATS_OUT)}."),
+    ] = "obj",
     vertices: Annotated[
-        int, typer.Option(min=4, max=SAMPLE_MOST, help="How many vertices to aim at.")
+        int, typer.Option(min=4, max=SAMPLE_MOST, metavar="N", help="Approximate number of vertices of each.")
     ] = SAMPLE_VERTICES,
 ) -> None:
     """List the sample meshes, or write them as files."""

@@ -13,7 +13,7 @@ from rich.progress import Progress as Bars
 from rich.progress import TaskID
 
 from spherify.cli.console import FAILED, INTERRUPTED, REFUSED, code_of, err, fail, progress_bar
-from spherify.cli.inputs import MethodOption, PresetOption
+from spherify.cli.inputs import AllowOption, AssignmentsOption, IterationsOption, MethodOption, PresetOption
 from spherify.cli.interruption import interruptible
 from spherify.client import Client, InvalidAddressError, RefusedError, ServiceError
 from spherify.formats import FORMATS_OUT
@@ -27,30 +27,31 @@ def submit(
     files: Annotated[list[Path], typer.Argument(metavar="FILE…", help="Mesh files.")],
     *,
     url: Annotated[
-        str, typer.Option(help="Where the service is.", envvar="SPHERIFY_URL")
+        str, typer.Option(metavar="URL", help="Address of the service.", envvar="SPHERIFY_URL")
     ] = "http://127.0.0.1:8000",
     folder: Annotated[
-        Path, typer.Option("--output", "-o", metavar="DIR", help="Where the snapshots go.")
+        Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the snapshots.")
     ] = Path(),
     method: MethodOption = None,
     preset: PresetOption = None,
-    iterations: Annotated[int | None, typer.Option(help="At most so many; the preset's by default.")] = None,
-    snapshots: Annotated[str | None, typer.Option(help="100,500 or every:100 or log:12.")] = None,
-    mesh_format: Annotated[str, typer.Option("--format", help="Of the files that are saved.")] = "ply",
-    assignments: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="NAME=VALUE", help="Change one parameter; repeatable."),
+    iterations: IterationsOption = None,
+    snapshots: Annotated[
+        str | None, typer.Option(metavar="WHICH", help="States to save: 100,500 or every:100 or log:12.")
     ] = None,
-    allow: Annotated[
-        list[str] | None,
-        typer.Option(help="Let through: boundary, components, genus or nonmanifold-vertex; repeatable."),
-    ] = None,
+    mesh_format: Annotated[
+        str,
+        typer.Option(
+            "--format", metavar="FORMAT", help=f"Format of the saved files: {', '.join(FORMATS_OUT)}."
+        ),
+    ] = "ply",
+    assignments: AssignmentsOption = None,
+    allow: AllowOption = None,
 ) -> None:
     """Morph meshes on a service and save their snapshots as they appear.
 
-    Ends with 0 if all succeeded; 2 if an option or the mesh was refused; 3 if the run collapsed (its best state is
-    saved); 1 if it could not be had for another reason, or if of several meshes only some succeeded or they failed
-    differently; 130 after Ctrl-C, with the jobs going on.
+    Exit codes: 0 if all succeeded; 2 if an option or the mesh was refused; 3 if the run collapsed (its best state is
+    saved); 1 if it failed for another reason, or if of several meshes only some succeeded or they failed differently;
+    130 after Ctrl-C, with the jobs going on.
     """
     if mesh_format not in FORMATS_OUT:
         fail(f"--format must be one of {', '.join(FORMATS_OUT)}, not {mesh_format!r}", REFUSED)

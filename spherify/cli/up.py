@@ -41,15 +41,19 @@ _saying = threading.Lock()
 
 
 def up(
-    host: Annotated[str, typer.Option(help="Address to listen on; 0.0.0.0 is every one.")] = DEFAULT.host,
+    host: Annotated[
+        str, typer.Option(metavar="ADDRESS", help="Address to listen on; 0.0.0.0 is every one.")
+    ] = DEFAULT.host,
     port: Annotated[
-        int, typer.Option(min=0, max=65535, help="Port to listen on; 0 is any free one.")
+        int, typer.Option(min=0, max=65535, metavar="PORT", help="Port to listen on; 0 is any free one.")
     ] = DEFAULT.port,
     data: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="Folder for everything that is kept; SPHERIFY_DATA_DIR by default."),
+        typer.Option(metavar="DIR", help="Folder for everything that is kept; by default SPHERIFY_DATA_DIR."),
     ] = None,
-    workers: Annotated[int, typer.Option(min=1, max=256, help="Jobs computed at the same time.")] = 1,
+    workers: Annotated[
+        int, typer.Option(min=1, max=256, metavar="N", help="Number of jobs computed at the same time.")
+    ] = 1,
     gallery: Annotated[
         bool, typer.Option(help="Make a run of each sample shape at the first start, for the web page.")
     ] = True,
