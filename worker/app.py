@@ -12,7 +12,7 @@ from celery import Celery
 
 from spherify.settings import Settings
 from spherify.stores import keys
-from spherify.stores.queue import VISIBILITY_S, broker_url, transport
+from spherify.stores.queue import broker_url, transport
 from worker import lifecycle
 from worker.cpus import available_cpus
 from worker.liveness import SignOfLife
@@ -44,8 +44,6 @@ app.conf.update(
     worker_max_tasks_per_child=None,  # what computes is a process of its own
     worker_hijack_root_logger=False,
     worker_redirect_stdouts=False,
-    visibility_timeout=VISIBILITY_S,
-    result_backend_transport_options={"visibility_timeout": VISIBILITY_S},
     broker_transport_options={
         **transport(settings.redis_url),
         "socket_timeout": 5,
