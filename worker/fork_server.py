@@ -7,8 +7,8 @@ it ends with the job.
 
 It may be forked because of what it is at that moment: one thread (libraries are kept to one, the kernels' own
 threads are started by the runner for its job), no connection, no file but those below. `multiprocessing.forkserver`
-would do the forking, but a runner would import the worker's main module and Celery with it, and its exit code would
-come from itself, who cannot tell of being killed.
+would do the forking, but a runner would import the worker's main module and Celery with it, and each runner would have
+to report its own exit code, which a killed process cannot do.
 
 A request is one byte and three files: where the order comes from, where the events go, and a socket on which this
 process tells the runner's fate: first its process id, with a handle on it that never comes to mean another process
@@ -25,6 +25,7 @@ import signal
 import socket
 import sys
 import traceback
+from collections.abc import Callable
 from contextlib import suppress
 from typing import Final, NoReturn
 
@@ -35,8 +36,14 @@ FILES: Final = 3  # of a request
 _EVENTS: Final = 3  # a runner's file of events, the first after the standard ones
 
 
-def serve(requests: socket.socket) -> None:
-    """Fork runners, and tell their ends, until the other end of the socket is closed."""
+def serve(requests: socket.socket, obey: Callable[[int, int], NoReturn]) -> None:
+    """Fork runners, and tell their ends, until the other end of the socket is closed.
+
+    Args:
+        requests: where they come from.
+        obey: what a runner does, given its files of orders and of events.
+
+    """
     selector = selectors.DefaultSelector()
     selector.register(requests, selectors.EVENT_READ)
     while True:
@@ -45,7 +52,7 @@ def serve(requests: socket.socket) -> None:
                 request, files, _, _ = socket.recv_fds(requests, 1, FILES)
                 if not request:
                     return
-                pid, handle, fate = _fork(*files)
+                pid, handle, fate = _fork(obey, *files)
                 selector.register(handle, selectors.EVENT_READ, (pid, fate))
             else:
                 selector.unregister(key.fd)
@@ -53,12 +60,14 @@ def serve(requests: socket.socket) -> None:
                 _end(*key.data)
 
 
-def _fork(order: int, events: int, fate: int) -> tuple[int, int, socket.socket]:
-    """Fork a runner and tell who it is; returns its process id, the handle and the socket of its fate."""
+def _fork(
+    obey: Callable[[int, int], NoReturn], order: int, events: int, fate: int
+) -> tuple[int, int, socket.socket]:
+    """Fork a runner and tell its process id; returns its process id, the handle and the socket of its fate."""
     server = os.getpid()
     pid = os.fork()
     if pid == 0:
-        _become_runner(server, order, events)
+        _become_runner(server, obey, order, events)
     os.close(order)
     os.close(events)
     handle = os.pidfd_open(pid)
@@ -75,7 +84,7 @@ def _end(pid: int, fate: socket.socket) -> None:
         fate.send(str(os.waitstatus_to_exitcode(status)).encode())
 
 
-def _become_runner(server: int, order: int, events: int) -> NoReturn:
+def _become_runner(server: int, obey: Callable[[int, int], NoReturn], order: int, events: int) -> NoReturn:
     """Go on as a runner, with no file of the server's; never returns to what the server was doing."""
     try:
         die_with_parent(server)
@@ -83,7 +92,7 @@ def _become_runner(server: int, order: int, events: int) -> NoReturn:
         os.dup2(events, _EVENTS)
         os.closerange(_EVENTS + 1, os.sysconf("SC_OPEN_MAX"))
         gc.enable()
-        runner.obey(0, _EVENTS)
+        obey(0, _EVENTS)
     except Exception:  # noqa: BLE001 (nobody is there to catch it)
         traceback.print_exc()
     finally:
@@ -101,4 +110,4 @@ if __name__ == "__main__":
 
     runner.get_ready()
     gc.freeze()
-    serve(socket.socket(fileno=os.dup(0)))
+    serve(socket.socket(fileno=os.dup(0)), runner.obey)
