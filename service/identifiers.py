@@ -1,4 +1,4 @@
-"""Names within addresses; what cannot be a name is not asked for in any store: there is nothing of it."""
+"""Identifiers in URL paths: what cannot be one is answered as not found, without asking any store."""
 
 from __future__ import annotations
 

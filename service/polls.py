@@ -1,6 +1,6 @@
 """Polls, answered before the router.
 
-Most of all requests ask for a job and nothing else. To find their route among all others, and to resolve what it
+Most requests ask for one job and nothing else. To find their route among all others, and to resolve what it
 depends on, takes longer than the answer; so they are recognised by their path. What is answered is the same.
 """
 

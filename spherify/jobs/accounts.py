@@ -1,6 +1,6 @@
 """``attempts/{token}.json``: what attempts at a job had cost when one more began, for the case that the record is lost.
 
-How long that one lasted tell the files it left: it lived at least until the newest of them.
+How long that attempt itself lasted is read from the files it left: at least until the newest of them.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@
     tombstones/{job}                                       before the record of a deleted job is removed; 30 days;
                                                            holds the Idempotency-Key it was asked for under
 
-Tokens and iterations are padded with zeros, for people; programs compare `numbers`, for they may grow beyond that.
+Tokens and iterations are padded with zeros, for people; programs compare `numbers`, because they may grow beyond that.
 """
 
 from __future__ import annotations

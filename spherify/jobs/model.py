@@ -12,7 +12,8 @@ a claim · b commit · c the lease ran out, or the worker hands the job on · d,
 claimed · f the runner has stopped, or there was none.
 A job that lost its worker too often, or is cancelling, does not wait again: it stays as it is until whoever claims it
 has ended it. As every end, that is written to ``result.json`` before the record says it; where an attempt wrote another
-end there, and did not live to tell, that one counts: by b from any state in which somebody holds the job.
+end there, and did not live to tell, that end counts, and is recorded by arrow b from any state in which somebody holds
+the job.
 """
 
 from __future__ import annotations

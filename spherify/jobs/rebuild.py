@@ -1,6 +1,6 @@
-"""Bring all records back after the server lost them: what of each is in which file says `spherify.jobs.restore`.
+"""Bring all records back after the server lost them; `spherify.jobs.restore` lists which file holds what.
 
-First who was deleted, then meshes, then the jobs that name them. Until the end is declared the server says of nothing
+First the deletions, then meshes, then the jobs that name them. Until the end is declared the server says of nothing
 that it is not there, and no mesh is deleted. Several may be at it at once, or one begin where another was broken off:
 what is recorded already is passed over.
 """

@@ -1,4 +1,4 @@
-"""Where the files are, from one word of the settings: needed by processes that know nothing of servers, too."""
+"""Where the files are, from one word of the settings: also for processes that know nothing of servers."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Start a program that ends with whoever started it, even when that one is killed with -9.
 
-Run as ``python -I -S tether.py PARENT_PID PROGRAM ARGUMENT…``; standard library only, for it starts in 15 ms.
+Run as ``python -I -S tether.py PARENT_PID PROGRAM ARGUMENT…``; standard library only, so that it starts in 15 ms.
 On Linux the kernel does it: the parent-death signal is set, then the program takes this process's place.
 Elsewhere this process stays, passes signals on, and looks twice a second whether its parent is still there.
 """
