@@ -63,6 +63,7 @@ class Intake:
 
         Raises:
             MeshRefusedError: it is no mesh that can be morphed.
+            ReaderKilledError: there was not the memory to read it.
             ProblemError: rate-limited.
             StorageFullError, StoreUnavailableError: it could not be kept.
 

@@ -276,7 +276,8 @@ PROBLEMS: Final[dict[str, ProblemType]] = {
             "not-ready",
             503,
             "The service is not ready",
-            "A part the service needs does not answer; `/readyz` says which. Try again after `Retry-After` seconds. "
+            "A part the service needs does not answer (`/readyz` says which), or the memory for reading a mesh ran "
+            "out (`detail` says so). Try again after `Retry-After` seconds. "
             "A job may have been recorded all the same: look before sending it again.",
             2,
         ),

@@ -14,6 +14,7 @@ from pydantic import ValidationError
 
 from service.problem_types import PROBLEMS, ProblemType
 from spherify.formats import MeshRefusedError
+from spherify.formats.errors import ReaderKilledError
 from spherify.geometry.errors import InvalidConfigError
 from spherify.jobs.errors import (
     BlobNotFoundError,
@@ -145,6 +146,7 @@ _DOMAIN: Final[tuple[tuple[type[Exception], str], ...]] = (
     (KeyReusedError, "idempotency-key-reused"),
     (RequestInProgressError, "idempotency-in-progress"),
     (StoreUnavailableError, "not-ready"),
+    (ReaderKilledError, "not-ready"),
     (StorageFullError, "storage-full"),
     (DamagedBlobError, "stored-file-damaged"),
 )

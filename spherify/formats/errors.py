@@ -5,6 +5,9 @@ FormatError
 ├── UnreadableError     the same inside the reading process, before there is a report
 │   └── TooLargeError   more than the limits let in
 └── InvalidExportError  a format or an option that cannot be written
+
+OSError
+└── ReaderKilledError   the reading process was killed, most likely for lack of memory; the file is not to blame
 """
 
 from __future__ import annotations
@@ -39,6 +42,10 @@ class TooLargeError(UnreadableError):
 
 class InvalidExportError(FormatError):
     """There is no such format to write, or it has no such option."""
+
+
+class ReaderKilledError(OSError):
+    """The reading process was killed from outside: the machine ran out of memory, most likely."""
 
 
 class MeshRefusedError(FormatError):

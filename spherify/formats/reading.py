@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -17,7 +18,7 @@ from numpy.lib.format import open_memmap
 
 from spherify.formats.acceptance import ReadMesh
 from spherify.formats.codes import problem_code
-from spherify.formats.errors import MeshRefusedError
+from spherify.formats.errors import MeshRefusedError, ReaderKilledError
 from spherify.formats.limits import MIB, ReadLimits
 from spherify.formats.report import ALLOW, MeshReport, defect_from_dict
 from spherify.geometry.mesh import TriangleMesh
@@ -39,6 +40,10 @@ _MOST_ANSWER: Final = 4 * MIB
 _MOST_COMPLAINT: Final = 4000  # characters of the child's last words that are logged
 _DAMAGED: Final = (
     "The reader broke down on this file, so it is damaged or made to harm. Export the mesh again."
+)
+_KILLED: Final = (
+    "Reading the mesh was broken off, most likely because this server ran out of memory. Send it again in a "
+    "moment; if that happens again, the file is too large for this server: decimate it."
 )
 
 
@@ -62,6 +67,7 @@ def read_mesh(
     Raises:
         MeshRefusedError: it is no such mesh; the message says what, where, and the cure.
         ValueError: an unknown switch.
+        ReaderKilledError: the child was killed, most likely for lack of memory.
         OSError: the file cannot be opened, or no child can be started.
 
     """
@@ -121,6 +127,9 @@ def _run(request: dict[str, Any], folder: Path, seconds: float, command: tuple[s
             request["name"],
             complaints.read_text("utf-8", "replace")[-_MOST_COMPLAINT:],
         )
+        # Its own limit of memory raises an error in it, its own of time comes after ours: this came from outside.
+        if child.returncode == -signal.SIGKILL:
+            raise ReaderKilledError(_KILLED)
         raise MeshRefusedError("mesh-not-parsable", _DAMAGED)
 
 

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from spherify.formats import MeshRefusedError, ReadLimits, read_mesh, reading, write_mesh
+from spherify.formats.errors import ReaderKilledError
 from tests.formats.shapes import CUBE_FACES, cube, obj_bytes
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -56,7 +57,6 @@ def children() -> set[str]:
     ("program", "logged"),
     [
         ("import os; os.abort()", "ended with -6"),
-        ("import os, signal; os.kill(os.getpid(), signal.SIGKILL)", "ended with -9"),
         ("import ctypes; ctypes.string_at(0)", "ended with -11"),
         ("raise SystemExit('it broke')", "it broke"),
         ("", "no usable answer"),
@@ -84,6 +84,26 @@ def test_a_child_that_breaks_is_a_refusal_and_is_logged(
     assert refusal.value.code == "mesh-not-parsable"
     assert any(logged in record.getMessage() for record in caplog.records if record.levelno == logging.ERROR)
     assert children() == before
+
+
+def test_a_child_that_is_killed_is_no_fault_of_the_file(
+    cube_file: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+):
+    be(monkeypatch, "import os, signal; os.kill(os.getpid(), signal.SIGKILL)")
+    with pytest.raises(ReaderKilledError, match=r"ran out of memory\. Send it again"):
+        read_mesh(cube_file, "cube.obj")
+    assert "ended with -9" in caplog.text
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux lets a process volunteer")
+def test_the_kernel_is_to_end_the_child_first_where_memory_runs_out(
+    cube_file: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+):
+    asked = "raise SystemExit('score ' + pathlib.Path('/proc/self/oom_score_adj').read_text())"
+    be(monkeypatch, accepted_then(asked))
+    with pytest.raises(MeshRefusedError):
+        read_mesh(cube_file, "cube.obj")
+    assert "score 1000" in caplog.text
 
 
 def accepted_then(program: str) -> str:

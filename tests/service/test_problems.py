@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from urllib.parse import unquote
@@ -12,12 +13,13 @@ import pytest
 import service.intake
 from service.problem_types import PROBLEMS
 from service.problems import MEDIA_TYPE
+from spherify.formats import reading
 from spherify.jobs import layout
 from spherify.jobs.codec import load_mesh_record
 from spherify.settings import Settings
 from spherify.stores import keys
 from spherify.stores.connect import Stores, open_stores
-from tests.service.conftest import OCTAHEDRON, OPEN, Hand, problem, serve
+from tests.service.conftest import OCTAHEDRON, OPEN, Hand, problem, serve, stretched
 
 FLIPPED = OCTAHEDRON.replace(b"f 1 3 5", b"f 3 1 5")
 TWO = (
@@ -348,3 +350,18 @@ def test_every_store_that_is_lost_is_said_so_at_once(world: World) -> None:
         assert answer.headers["retry-after"]
     answer = world.lost.post("/v1/jobs", files={"file": ("o.obj", OCTAHEDRON)})
     problem(answer, 503, "not-ready")
+
+
+def test_a_mesh_whose_reading_was_killed_is_to_be_sent_again(
+    client: httpx.Client, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As the kernel does where the memory runs out."""
+    file = {"file": ("o.obj", stretched(1.875))}
+    killed = (sys.executable, "-c", "import os; os.kill(os.getpid(), 9)")
+    with monkeypatch.context() as patch:
+        patch.setattr(reading, "_COMMAND", killed)
+        answer = client.post("/v1/meshes", files=file)
+    document = problem(answer, 503, "not-ready")
+    assert "Send it again" in str(document["detail"])
+    assert answer.headers["retry-after"]
+    assert client.post("/v1/meshes", files=file).status_code == 201
