@@ -1,9 +1,9 @@
-"""What a browser may be made to do by a page that is none of ours: to load what anybody may see, and nothing else.
+"""What a page of another site can make a browser do here: load what anybody may see, and nothing else.
 
-There are no users, so whoever reaches the service may use it; but a browser reaches it for whoever wrote the page it
-shows. Two ways are closed. A page of another site has a form or a script send something: browsers say so themselves, in
-`Sec-Fetch-Site` (W3C Fetch Metadata), which no page can take back, and programs send none. Or its name comes to stand
-for our address, after which the browser takes us for that site (DNS rebinding): then that name is in `Host`.
+There are no users, so whoever reaches the service may use it; but a browser also acts for the author of any page it
+shows. Two ways are closed. A page of another site may have a form or a script send something: browsers mark that in
+`Sec-Fetch-Site` (W3C Fetch Metadata), which no page can change and which programs do not send. Or the name of that site
+may come to resolve to our address, so that the browser takes us for it (DNS rebinding): then that name is in `Host`.
 """
 
 from __future__ import annotations

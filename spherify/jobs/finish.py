@@ -1,7 +1,7 @@
 """End a job that is not to be computed any more: one that is to be cancelled, or was lost too often.
 
-As every end, it is written to ``result.json`` before the record says it, and if there is one already, that one counts:
-an attempt wrote it, and did not live to tell, or sleeps. What is left of the files is to be settled afterwards.
+Like every end, it is written to ``result.json`` before the record says so. If that file is there already, it counts: an
+attempt wrote it and died, or was suspended, before it could tell. The job's other files are settled afterwards.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
 """Compare the files with the records, a slice at a time: what a rebuild would restore, and what nobody owns.
 
-A server can lose some records and keep the others: a replica takes over that was behind, or an older copy is put back.
-And whoever writes files before records may die in between. What is seen without a record in two rounds is restored, if
-there is enough of it; if not, it is removed when it is old. What is there and cannot be read is told of, and left. The
-other way round, a job that has a tombstone is deleted once more if an older copy brought its record back, and so is a
-mesh that has no files, unless a job names it.
+A server can lose some records and keep the others: a replica that was behind takes over, or an older copy is put back.
+And a process that writes files before records may die in between. Files seen without a record in two rounds are
+restored if there is enough of them; if not, they are removed once they are old. Files that cannot be read are reported
+and left. The other way round, a job with a tombstone is deleted once more if an older copy brought its record back, and
+so is a mesh that has no files, unless a job names it.
 """
 
 from __future__ import annotations
