@@ -16,10 +16,8 @@ from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 MIB = 1024 * 1024
 PREFIX = "SPHERIFY_"
-_KNOWN_BESIDE = {
-    "SPHERIFY_REDIS_URL",
-    "SPHERIFY_URL",
-}  # REDIS_URL by another name; where the commands find a service
+# REDIS_URL by another name; where the commands find a service.
+_KNOWN_BESIDE = {"SPHERIFY_REDIS_URL", "SPHERIFY_URL"}
 
 
 class Settings(BaseSettings):

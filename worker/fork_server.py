@@ -63,7 +63,7 @@ def serve(requests: socket.socket, obey: Callable[[int, int], NoReturn]) -> None
 def _fork(
     obey: Callable[[int, int], NoReturn], order: int, events: int, fate: int
 ) -> tuple[int, int, socket.socket]:
-    """Fork a runner and tell its process id; returns its process id, the handle and the socket of its fate."""
+    """Fork a runner and tell its process id; returns that, the handle and the socket of its fate."""
     server = os.getpid()
     pid = os.fork()
     if pid == 0:

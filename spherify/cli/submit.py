@@ -113,7 +113,7 @@ class _LeftError(Exception):
 
 
 class _Whole:
-    """A bar of all files, where they have too many of their own for a terminal: it shows the first that fit."""
+    """Counts all files, where there are too many for a bar each: a terminal shows the first lines that fit."""
 
     def __init__(self, bars: Bars, files: int) -> None:
         self._bars = bars

@@ -16,19 +16,10 @@ from spherify.geometry.thinning import (
     TETRAHEDRON,
     pull_of,
 )
-from tests.geometry.shapes import drum, octahedron, sample, tetrahedron
-from tests.geometry.test_covering import wound
+from tests.geometry.shapes import octahedron, sample, tetrahedron
+from tests.geometry.test_reinsertion import MESHES as WITHOUT_LIMBS
 
-MESHES = {
-    "tetrahedron": tetrahedron(),
-    "octahedron": octahedron(),
-    "ball": icosphere(6),
-    "drum": drum(24, 3),
-    "fans": drum(60, 1),
-    "coil": wound(1.5, 5, 40),
-    "string": wound(0.9, 4, 60),
-    "limbs": sample("quadruped", 600),
-}
+MESHES = {**WITHOUT_LIMBS, "limbs": sample("quadruped", 600)}
 EITHER = pytest.mark.parametrize("way", [PlainThinning, CompiledThinning])
 ANY = pytest.mark.parametrize("mesh", MESHES.values(), ids=MESHES.keys())
 
