@@ -15,11 +15,11 @@ discrete minimal surfaces and their conjugates", 1993), and -log a of a flat tri
 Dirichlet energy over a does. The barrier's are the triangles of directions, each laid flat across its middle: a is
 det/2 then, but for how far that is from the centre, and as small as det on what is seen edge-on. Both together are one
 Laplacian, for which a triangle has the weights ½ cot/A, and ½ cot · BARRIER · 4π/m²/a of directions; it is the same for
-all three coordinates, and factorised now and then. As in Kovalsky, Galun and Lipman, "Accelerated quadratic proxy for
-geometric optimization", 2016, whose Laplacian stays that of the start.
+all three coordinates, and factorised once an iteration. As in Kovalsky, Galun and Lipman, "Accelerated quadratic proxy
+for geometric optimization", 2016, whose Laplacian stays that of the start.
 
 Where triangles differ by more than the digits of a number the factors are noise: if no share of a step that is by them
-alone falls, steps are by the diagonal until the Laplacian is made anew. Moves are halved until E falls, and no triangle
+alone falls, steps are by the diagonal until the next iteration. Moves are halved until E falls, and no triangle
 passes the barrier: whatever looks outward from the centre still does. The energy and its Laplacian are ours.
 """
 
@@ -27,6 +27,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from functools import cached_property
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -36,11 +37,12 @@ from spherify.geometry.laplacian import cotangents
 from spherify.geometry.mesh import Floats, Ints
 
 LOWER: Final = 0.03  # of the barrier; less leaves triangles of less area, and is no rounder
-STEPS: Final = 200  # in an iteration, at most: what is remembered of them does not outlive it
+STEPS: Final = (
+    30  # in an iteration, at most: neither the Laplacian nor what is remembered of steps outlives it
+)
 FEWEST: Final = 8
 WORK: Final = 600_000  # steps times vertices of an iteration: a third of a second; it is heard between two
 MOST: Final = 100_000  # vertices; factors of more take too long and too much memory
-REFRESHED: Final = 30  # steps, after which the Laplacian is made anew
 REMEMBERED: Final = 20  # moves
 HALVINGS: Final = 30
 FALLS: Final = 1e-4  # share of the fall that the slope promises, which is enough
@@ -98,49 +100,47 @@ def energies(F: Ints, barrier: float) -> Callable[[Floats], Energy | None]:
     return energy
 
 
-def finished(
-    V: Floats,
-    F: Ints,
-    centre: Floats,
-    *,
-    barrier: float = LOWER,
-    steps: int | None = None,
-    by: Energies = energies,
-) -> Floats:
-    """Return (n, 3) positions of less energy.
+class Finish:
+    """The last of a run on one mesh; the order in which its Laplacians are factorised is found once."""
 
-    V as it is where something does not look outward, nothing falls, or there are more than MOST vertices.
+    def __init__(self, n: int, F: Ints, *, by: Energies = energies) -> None:
+        """Begin it for n vertices and closed faces F (m, 3); ``by``: who computes energies."""
+        self._n, self._F = n, F
+        self._energy = by(F, LOWER)
 
-    Args:
-        V: (n, 3) positions.
-        F: (m, 3) faces, closed, all of which look outward from the centre.
-        centre: (3,) c.
-        barrier: in the place of LOWER.
-        steps: as many; `steps_of` the number of vertices by default.
-        by: who computes energies.
+    @cached_property
+    def _metric(self) -> _Metric:
+        return _Metric(self._n, self._F, LOWER)
 
-    """
-    size = float(measures.norm(V - centre).mean())
-    start = P = np.ascontiguousarray((V - centre) / size)
-    energy = by(F, barrier)
-    at = energy(P)
-    if at is None or len(V) > MOST:
-        return V
-    metric, memory = _Metric(len(V), F, barrier), _Memory()
-    for i in range(steps_of(len(V)) if steps is None else steps):
-        if i % REFRESHED == 0 and not metric.refreshed(P):
-            break
-        move = -memory.solved(at.gradient, metric)
-        found = _fallen(P, at, move, energy)
-        if found is None:
-            if not memory.pairs and metric.by_diagonal:
-                break
-            metric.by_diagonal, memory = metric.by_diagonal or not memory.pairs, _Memory()
-            continue
-        moved, there = found
-        memory.remember(moved - P, there.gradient - at.gradient)
-        P, at = moved, there
-    return V if P is start else np.asfortranarray(centre + size * P)
+    def advanced(self, V: Floats, centre: Floats, *, steps: int | None = None) -> Floats:
+        """Return (n, 3) positions of less energy.
+
+        V as it is where something does not look outward, nothing falls, or there are more than MOST vertices.
+
+        Args:
+            V: (n, 3) positions.
+            centre: (3,) c.
+            steps: as many; `steps_of` the number of vertices by default.
+
+        """
+        size = float(measures.norm(V - centre).mean())
+        start = P = np.ascontiguousarray((V - centre) / size)
+        at = self._energy(P)
+        if at is None or self._n > MOST or not self._metric.refreshed(P):
+            return V
+        metric, memory = self._metric, _Memory()
+        for _ in range(steps_of(self._n) if steps is None else steps):
+            move = -memory.solved(at.gradient, metric)
+            found = _fallen(P, at, move, self._energy)
+            if found is None:
+                if not memory.pairs and metric.by_diagonal:
+                    break
+                metric.by_diagonal, memory = metric.by_diagonal or not memory.pairs, _Memory()
+                continue
+            moved, there = found
+            memory.remember(moved - P, there.gradient - at.gradient)
+            P, at = moved, there
+        return V if P is start else np.asfortranarray(centre + size * P)
 
 
 class _Metric:

@@ -45,8 +45,8 @@ WAITED: Final = 50  # iterations, after which it does in any case
 GIVEN_UP: Final = np.inf  # no sphericity exceeds it: nothing is waited for any more
 PATIENCES: Final = 4  # of the annealing, that something may take on the sphere to get better
 SHORT: Final = 0.995  # sphericity below which what gets no rounder by T and the climb is finished
-RISE: Final = 5e-6  # of the sphericity in STEPS, for another iteration of that
-FINISHED: Final = 2  # iterations of FINISH without that: Ψ may fall for a while as the barrier is left
+RISE: Final = 7.5e-7  # of the sphericity in STEPS, for another iteration of that
+FINISHED: Final = 8  # iterations of FINISH without that: Ψ may fall for a while as the barrier is left
 CAREFUL: Final = 0.1  # of the step, that T along the radii begins with; longer ones make it rough again
 
 SET: Final = 1.0

@@ -21,7 +21,7 @@ import numpy as np
 
 from spherify.geometry.ascent import MOMENTUM
 from spherify.geometry.config import FlowConfig, Stage, Unfolding
-from spherify.geometry.finish import finished, steps_of
+from spherify.geometry.finish import Finish, steps_of
 from spherify.geometry.kernels import Engine, Kernel
 from spherify.geometry.mesh import Floats
 from spherify.geometry.methods.control import (
@@ -92,6 +92,10 @@ class CurvatureTransformation:
     @property
     def _decisions(self) -> Decisions | None:
         return self._prepared[1]
+
+    @cached_property
+    def _finish(self) -> Finish:
+        return Finish(self._n, self._faces, by=self._kernel.energies)
 
     @property
     def _unfolding(self) -> Unfolding | None:
@@ -192,7 +196,7 @@ class CurvatureTransformation:
             self._folds = found
             return found.positions
         if control.phase == Phase.FINISH:
-            return finished(here, self._faces, centre, by=self._kernel.energies)
+            return self._finish.advanced(here, centre)
         if control.phase == Phase.STAR:
             ahead = here
             if control.momentum > 0:
