@@ -60,7 +60,7 @@ class Annealing:
             raise InvalidConfigError(f"annealing.min_step must be positive, not {self.min_step}")
 
 
-LATE: Final = 120  # iterations; bulges are left then that are many triangles wide, and take T very long
+LATE: Final = 40  # iterations; what is wide and not round yet takes T long
 
 
 @dataclass(frozen=True, slots=True)

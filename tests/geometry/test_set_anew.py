@@ -233,7 +233,7 @@ def test_where_rounding_ends_the_drawing_apart_directions_are_set_anew(monkeypat
 
     monkeypatch.setattr(OnTheSphere, "spread", as_if_rounded)
     anew = []
-    for state in flow(wound(0.5, 20, 200), replace(ROBUST, iterations=800), engine="compiled"):
+    for state in flow(wound(0.5, 16, 120), replace(ROBUST, iterations=800), engine="compiled"):
         anew.append((len(asked), Control(*state.checkpoint()["control"]).anew > 0))
     assert (0, False) in anew
     assert (1, False) not in anew, "in the very iteration"
