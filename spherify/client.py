@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from ipaddress import ip_address
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Final, Self, TypeVar
+from typing import IO, Any, Final, Self, TypeVar
 from uuid import uuid4
 
 import httpx
@@ -82,14 +82,24 @@ class Client:
         A service that has answered before, and is away, is waited for: under a key of its own the request makes one
         job however often it is sent. A pipe can be read once.
         """
-        key = {"Idempotency-Key": str(uuid4())}
+        key = str(uuid4())
 
         def once() -> dict[str, Any]:
             with path.open("rb") as file:
-                upload = {"file": (path.name, file, "application/octet-stream")}
-                return self._json("POST", "/v1/jobs", files=upload, data=dict(fields), headers=key)
+                return self._begun(path.name, file, fields, key)
 
         return self._patiently(once) if self._met and path.is_file() else once()
+
+    def submit_content(
+        self, name: str, content: bytes, fields: Mapping[str, str | list[str]]
+    ) -> dict[str, Any]:
+        """Do the same with the content of a file of that name, which need not be there; raises `ServiceError`."""
+        key = str(uuid4())
+
+        def once() -> dict[str, Any]:
+            return self._begun(name, content, fields, key)
+
+        return self._patiently(once) if self._met else once()
 
     def job(self, job_id: str) -> dict[str, Any]:
         """Return a job as it is now; raises `ServiceError`."""
@@ -154,6 +164,14 @@ class Client:
             with target.open("wb") as file:
                 for chunk in answer.iter_bytes(_CHUNK):
                     file.write(chunk)
+
+    def _begun(
+        self, name: str, file: IO[bytes] | bytes, fields: Mapping[str, str | list[str]], key: str
+    ) -> dict[str, Any]:
+        upload = {"file": (name, file, "application/octet-stream")}
+        return self._json(
+            "POST", "/v1/jobs", files=upload, data=dict(fields), headers={"Idempotency-Key": key}
+        )
 
     def _json(self, method: str, path: str, **options: Any) -> dict[str, Any]:  # noqa: ANN401 (httpx's own)
         document: dict[str, Any] = self._send(method, path, **options).json()

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import tempfile
 import threading
-from pathlib import Path
 from typing import Annotated, Any, Final, Self
 
 import typer
@@ -82,10 +80,9 @@ def fill(client: Client, stop: threading.Event, say: Say) -> bool:
             continue
         if not _idle(client, stop):
             return True
-        with tempfile.TemporaryDirectory(prefix="spherify-gallery-") as folder:
-            path = Path(folder) / f"{name}.obj"
-            path.write_bytes(write_mesh(SAMPLES[name].build(VERTICES), "obj"))
-            client.submit(path, FIELDS | {"name": name})
+        # Not by way of a file: a stop may end the process while the request waits for the service.
+        content = write_mesh(SAMPLES[name].build(VERTICES), "obj")
+        client.submit_content(f"{name}.obj", content, FIELDS | {"name": name})
         there.add(name)
     say("gallery", f"made: {len(there)} shapes")
     return True
