@@ -37,9 +37,7 @@ from spherify.geometry.laplacian import cotangents
 from spherify.geometry.mesh import Floats, Ints
 
 LOWER: Final = 0.03  # of the barrier; less leaves triangles of less area, and is no rounder
-STEPS: Final = (
-    30  # in an iteration, at most: neither the Laplacian nor what is remembered of steps outlives it
-)
+STEPS: Final = 30  # in an iteration, at most; Laplacian and memory of moves are for that long
 FEWEST: Final = 8
 WORK: Final = 600_000  # steps times vertices of an iteration: a third of a second; it is heard between two
 MOST: Final = 100_000  # vertices; factors of more take too long and too much memory
