@@ -313,6 +313,15 @@ def test_a_resumed_run_is_the_same_run(mesh, config):
             assert state.metrics() == expected.metrics()
 
 
+def test_figures_do_not_depend_on_what_lay_in_memory():
+    """Memory that was another's may hold bits that trap when they are added, as a resumed run once found."""
+    mesh = sample("non-convex-sphere", 252)
+    kernel = get_engine("compiled").prepare(Topology.of(len(mesh.vertices), mesh.faces), PAPER)
+    expected = kernel.figures(mesh.vertices, np.zeros(3))
+    kernel._faces.space.sums.view(np.uint64)[:] = 0x7FF0_0000_0000_0001  # a signalling NaN
+    assert kernel.figures(mesh.vertices, np.zeros(3)) == expected
+
+
 def test_engines_by_name():
     assert ENGINES == ("reference", "compiled")
     assert tuple(get_engine(name).name for name in ENGINES) == ENGINES

@@ -41,15 +41,17 @@ class Faces:
         """Return the figures of positions (3, n) about ``centre`` (3,), of which the curvature is known."""
         judged = self._team.each(partial(self._judge, position=position, centre=centre), self._parts)
         worst, smallest, nearest, farthest = zip(*judged, strict=True)
-        sums, faces = self.space.sums.sum(axis=0), self._corners.shape[1]
-        mean_area = float(sums[AREA]) / faces
+        faces = self._corners.shape[1]
+        # By themselves: nothing is written to the other columns, and what lies there need be no numbers.
+        area, quality, inward = (float(self.space.sums[:, k].sum()) for k in (AREA, QUALITY, INWARD))
+        mean_area = area / faces
         return Figures(
             radius_ratio=min(nearest) / max(farthest) if max(farthest) > 0 else 0.0,
             curvature_min=curved.K_min,
             curvature_max=curved.K_max,
-            mean_quality=float(sums[QUALITY]) / faces,
+            mean_quality=quality / faces,
             least_quality=min(worst),
-            inward_faces=int(sums[INWARD]),
+            inward_faces=int(inward),
             least_area=min(smallest) / mean_area if mean_area > 0 else 0.0,
         )
 
