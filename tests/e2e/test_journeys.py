@@ -30,7 +30,7 @@ class Journey:
 JOURNEYS = (
     Journey("spot.obj", 2930, 5856, 50, 0.679, 0.99),
     Journey("castalia.obj", 2048, 4092, 50, 0.868, 0.99),
-    Journey("20mm-xyz-cube.stl", 132, 260, 50, 0.770, 0.95),
+    Journey("20mm-xyz-cube.stl", 132, 260, 200, 0.770, 0.97),
     Journey("nefertiti-lowres.obj", 35002, 70000, 2, 0.681, 0.69),
     Journey("scallop.glb", 60002, 120000, 1, 0.740, 0.742),
 )
