@@ -18,6 +18,7 @@ from spherify.stores.embedded import EmbeddedServer
 from spherify.stores.leader import Leadership
 from spherify.stores.queue import CeleryJobQueue, broker_url, transport
 from tests.jobs.examples import job_spec, mesh_record
+from tests.stack import wait_for
 
 
 @pytest.fixture
@@ -132,6 +133,8 @@ def test_a_server_that_does_not_answer_is_named_and_nothing_hangs(tmp_path: Path
         finally:
             if how == "silent":
                 os.kill(pid, signal.SIGCONT)
+        if how == "gone":  # it refuses connections before it has ended
+            wait_for(lambda: not server.alive)
         server.start()  # the same one goes on, or a new one on the same data
         assert stores.jobs.get(job.id) == job
         assert set(stores.queue.pending()) == {job.id}  # what timed out may have landed
