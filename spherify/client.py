@@ -76,19 +76,38 @@ class Client:
     ) -> None:
         self._http.close()
 
-    def submit(self, path: Path, fields: Mapping[str, str | list[str]]) -> dict[str, Any]:
+    def submit(
+        self, path: Path, fields: Mapping[str, str | list[str]], *, key: str | None = None
+    ) -> dict[str, Any]:
         """Upload a mesh and start a job on it; returns the job. Raises `ServiceError`, OSError.
 
         A service that has answered before, and is away, is waited for: under a key of its own the request makes one
         job however often it is sent. A pipe can be read once.
+
+        Args:
+            path: of the file.
+            fields: of the form beside it.
+            key: names the request, so that whoever sends it under this name within a day is given the job that it
+                made then, unless that failed, was cancelled or deleted: then there is a new one.
+
         """
-        key = str(uuid4())
 
-        def once() -> dict[str, Any]:
-            with path.open("rb") as file:
-                return self._begun(path.name, file, fields, key)
+        def upload(name: str) -> tuple[dict[str, Any], bool]:
+            def once() -> tuple[dict[str, Any], bool]:
+                with path.open("rb") as file:
+                    return self._begun(path.name, file, fields, name)
 
-        return self._patiently(once) if self._met and path.is_file() else once()
+            return self._patiently(once) if self._met and path.is_file() else once()
+
+        if key is not None:
+            try:
+                job, made_before = upload(key)
+                if not made_before or self._of_use(job["id"]):
+                    return job
+            except RefusedError as e:
+                if e.status != httpx.codes.GONE and e.slug != "idempotency-key-reused":
+                    raise
+        return upload(str(uuid4()))[0]
 
     def submit_content(
         self, name: str, content: bytes, fields: Mapping[str, str | list[str]]
@@ -97,7 +116,7 @@ class Client:
         key = str(uuid4())
 
         def once() -> dict[str, Any]:
-            return self._begun(name, content, fields, key)
+            return self._begun(name, content, fields, key)[0]
 
         return self._patiently(once) if self._met else once()
 
@@ -167,11 +186,23 @@ class Client:
 
     def _begun(
         self, name: str, file: IO[bytes] | bytes, fields: Mapping[str, str | list[str]], key: str
-    ) -> dict[str, Any]:
+    ) -> tuple[dict[str, Any], bool]:
+        """Return a job, and whether it had been made before."""
         upload = {"file": (name, file, "application/octet-stream")}
-        return self._json(
+        answer = self._send(
             "POST", "/v1/jobs", files=upload, data=dict(fields), headers={"Idempotency-Key": key}
         )
+        return answer.json(), answer.headers.get("idempotent-replayed") == "true"
+
+    def _of_use(self, job_id: str) -> bool:
+        """Whether a job is at work or has a result; what collapsed once would again."""
+        try:
+            job = self.job(job_id)
+        except RefusedError as e:
+            if e.status in {httpx.codes.GONE, httpx.codes.NOT_FOUND}:
+                return False
+            raise
+        return job["status"] not in {"failed", "cancelled"} or job["stop_reason"] == "collapsed"
 
     def _json(self, method: str, path: str, **options: Any) -> dict[str, Any]:  # noqa: ANN401 (httpx's own)
         document: dict[str, Any] = self._send(method, path, **options).json()

@@ -86,6 +86,11 @@ def morph(
         plan = SnapshotPlan.parse(snapshots, parameters.iterations)
     except InvalidConfigError as e:
         fail(str(e), REFUSED)
+    for path in (
+        [_snapshot(output, i) for i in plan.iterations] if snapshots and Path(source).exists() else []
+    ):
+        if path.exists() and path.samefile(source):
+            fail(f"a snapshot would take the place of {path}: give -o another name", REFUSED)
     mesh = mesh_of(source, allow or [])
     if not computing.ready:
         warn("compiling the kernels, once on this machine: up to a minute")
@@ -163,7 +168,7 @@ class _Files:
         with self._aside():
             data = write_mesh(self.mesh.with_vertices(kept.arrays["vertices"]), self.form)
             if kept.iteration in self.wanted:
-                path = self.output.with_name(f"{self.output.stem}_it{kept.iteration:05d}{self.output.suffix}")
+                path = _snapshot(self.output, kept.iteration)
                 path.write_bytes(data)
                 self.written[kept.iteration] = path
             self._rows[kept.iteration], self._last = kept.row, (kept.iteration, data)
@@ -211,6 +216,10 @@ class _Files:
             yield
         finally:
             self._busy_s += time.perf_counter() - began
+
+
+def _snapshot(output: Path, iteration: int) -> Path:
+    return output.with_name(f"{output.stem}_it{iteration:05d}{output.suffix}")
 
 
 def _say(report: Mapping[str, object], *, as_json: bool) -> None:

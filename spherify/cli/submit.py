@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
+import platform
+import re
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -20,6 +24,7 @@ from spherify.formats import FORMATS_OUT
 
 AT_ONCE: Final = 8
 # Answers that blame the mesh or an option, and would be the same tomorrow.
+_SNAPSHOT: Final = re.compile(r"(?P<stem>.+)_it\d{5,}\.(?P<form>\w+)")
 _OURS: Final = frozenset({400, 413, 415, 422})
 
 
@@ -46,8 +51,14 @@ def submit(
     ] = "ply",
     assignments: AssignmentsOption = None,
     allow: AllowOption = None,
+    anew: Annotated[
+        bool, typer.Option("--anew", help="Compute again what was submitted with the same options before.")
+    ] = False,
 ) -> None:
     """Morph meshes on a service and save their snapshots as they appear.
+
+    Interrupted, it can be given again: a file that was accepted within the last day, from here, with the same options
+    and for the same folder, is not computed again, but followed, and its snapshots are saved.
 
     Exit codes: 0 if all succeeded; 2 if an option or the mesh was refused; 3 if the run collapsed (its best state is
     saved); 1 if it failed for another reason, or if of several meshes only some succeeded or they failed differently;
@@ -55,20 +66,10 @@ def submit(
     """
     if mesh_format not in FORMATS_OUT:
         fail(f"--format must be one of {', '.join(FORMATS_OUT)}, not {mesh_format!r}", REFUSED)
-    fields: dict[str, str | list[str]] = {}
-    if method is not None:
-        fields["method"] = method
-    if preset is not None:
-        fields["preset"] = preset
-    for text in assignments or []:
-        name, equals, value = text.partition("=")
-        if not equals:
-            fail(f"--set takes name=value, not {text!r}", REFUSED)
-        fields[name] = value
-    if iterations is not None:
-        fields["iterations"] = str(iterations)
-    if snapshots is not None:
-        fields["snapshots"] = snapshots
+    stems = _stems(files)
+    if taken := _overwritten(files, stems, folder, mesh_format):
+        fail(f"a snapshot could take the place of {taken}: name another folder with -o", REFUSED)
+    fields = _fields(method, preset, assignments or [], iterations, snapshots)
     if allow:
         fields["allow"] = allow
     try:
@@ -92,8 +93,9 @@ def submit(
                 _bar(bars, name),
                 whole,
                 stopping,
+                anew,
             )
-            for path, name, stem in zip(files, _names(files), _stems(files), strict=True)
+            for path, name, stem in zip(files, _names(files), stems, strict=True)
         ]
         codes = set(pool.map(_Errand.run, errands))
         for errand in errands:  # the last that is drawn may be as long as it likes
@@ -102,10 +104,35 @@ def submit(
         accepted = sum(errand.accepted for errand in errands)
         fail(
             f"interrupted; {accepted} of {len(files)} files were accepted, and their jobs go on: "
-            f"curl {client.url}/v1/jobs",
+            f"{client.url}/v1/jobs. The same command fetches their results and sends the others",
             INTERRUPTED,
         )
     raise typer.Exit(codes.pop() if len(codes) == 1 else FAILED)
+
+
+def _fields(
+    method: str | None,
+    preset: str | None,
+    assignments: list[str],
+    iterations: int | None,
+    snapshots: str | None,
+) -> dict[str, str | list[str]]:
+    """Return the fields of the form; ends the program where an assignment is none."""
+    fields: dict[str, str | list[str]] = {}
+    if method is not None:
+        fields["method"] = method
+    if preset is not None:
+        fields["preset"] = preset
+    for text in assignments:
+        name, equals, value = text.partition("=")
+        if not equals:
+            fail(f"--set takes name=value, not {text!r}", REFUSED)
+        fields[name] = value
+    if iterations is not None:
+        fields["iterations"] = str(iterations)
+    if snapshots is not None:
+        fields["snapshots"] = snapshots
+    return fields
 
 
 class _LeftError(Exception):
@@ -146,6 +173,7 @@ class _Errand:
     task: TaskID
     whole: _Whole
     stopping: list[int]
+    anew: bool
     begun: bool = False
     accepted: bool = False
 
@@ -168,7 +196,7 @@ class _Errand:
 
     def _run(self) -> int:
         try:
-            job = self.client.submit(self.path, self.fields)
+            job = self.client.submit(self.path, self.fields, key=None if self.anew else self._key())
         except RefusedError as e:
             return self._failed(str(e), REFUSED if e.status in _OURS else FAILED)
         except OSError as e:
@@ -187,6 +215,15 @@ class _Errand:
             job["error"]["detail"] if job["error"] else f"job {job['id']} was cancelled",
             code_of(job),
         )
+
+    def _key(self) -> str | None:
+        """Return a name for this errand that is its own, and the same when the command is given again."""
+        if not self.path.is_file():  # a pipe can be read once
+            return None
+        with self.path.open("rb") as file:
+            content = hashlib.file_digest(file, "sha256").hexdigest()
+        whole = [platform.node(), str(self.target.absolute()), self.path.name, content, self.fields]
+        return hashlib.sha256(json.dumps(whole, sort_keys=True).encode()).hexdigest()
 
     def _look_up(self) -> None:
         if self.stopping:
@@ -237,3 +274,18 @@ def _stems(files: list[Path]) -> list[str]:
             stem, number = f"{path.stem}-{number}", number + 1
         stems.append(stem)
     return stems
+
+
+def _overwritten(files: list[Path], stems: list[str], folder: Path, mesh_format: str) -> Path | None:
+    """Return a file that has the name of another's snapshot, in the folder where that would be saved."""
+    where, known = folder.resolve(), set(stems)
+    for path in files:
+        found = _SNAPSHOT.fullmatch(path.name)
+        if (
+            found
+            and found["stem"] in known
+            and found["form"] == mesh_format
+            and path.resolve().parent == where
+        ):
+            return path
+    return None

@@ -72,6 +72,18 @@ def test_the_suffix_decides_the_format(tmp_path: Path, mesh_format: str) -> None
     assert read.report.format == mesh_format
 
 
+def test_no_snapshot_takes_the_place_of_its_own_mesh(tmp_path: Path) -> None:
+    report(tmp_path, "sample:cube:100", "-o", "a_it00004.obj", "--iterations", "1")
+    before = (tmp_path / "a_it00004.obj").read_bytes()
+    arguments = ["morph", "./a_it00004.obj", "-o", "a.obj", "--iterations", "6", "--snapshots"]
+    refused = spherify_here(*arguments, "2,4", cwd=tmp_path)
+    assert refused.code == 2
+    assert "take the place of a_it00004.obj: give -o another name" in refused.err
+    assert (tmp_path / "a_it00004.obj").read_bytes() == before
+    assert spherify_here(*arguments, "2,3", cwd=tmp_path).code == 0
+    assert (tmp_path / "a_it00004.obj").read_bytes() == before
+
+
 def test_snapshots_stand_beside_the_result(tmp_path: Path) -> None:
     found = report(tmp_path, "sample:cube:100", "-o", "a.obj", "--iterations", "6", "--snapshots", "2,4")
     names = [f"a_it{n:05d}.obj" for n in (0, 2, 4, 6)]

@@ -6,6 +6,7 @@ import signal
 import socket
 from pathlib import Path
 
+import httpx
 import pytest
 
 from spherify.client import Client
@@ -88,9 +89,95 @@ def test_after_ctrl_c_it_says_how_many_were_accepted(stack: Stack, meshes: Path)
         assert command.end(signal.SIGINT) == 130
         for job in client.jobs(tag):
             client.cancel(job["id"])
-    said = f"interrupted; 8 of 10 files were accepted, and their jobs go on: curl {stack.url}/v1/jobs"
+    said = f"interrupted; 8 of 10 files were accepted, and their jobs go on: {stack.url}/v1/jobs. The same command "
     assert said in command.text
     assert "9.off" not in command.text, "nobody has sent it"
+
+
+def test_no_snapshot_takes_the_place_of_another_mesh(stack: Stack, meshes: Path) -> None:
+    snapshot = meshes / "cube_it00002.ply"
+    snapshot.write_bytes(write_mesh(SAMPLES["cube"].build(100), "ply"))
+    command = ["submit", "cube.off", snapshot.name, "--url", stack.url, "--iterations", "2"]
+    refused = spherify_here(*command, cwd=meshes)
+    assert refused.code == 2
+    assert "take the place of cube_it00002.ply: name another folder with -o" in refused.err
+    assert spherify_here(*command, "-o", "out", cwd=meshes).code == 0
+    assert len(read_mesh(snapshot, snapshot.name).mesh.vertices) < 200
+
+
+def test_given_again_it_fetches_what_was_accepted(stack: Stack, meshes: Path) -> None:
+    tag = f"again-{meshes.name.lower()}"
+    command = [
+        "submit",
+        "stone.off",
+        "cube.off",
+        "--url",
+        stack.url,
+        "--iterations",
+        "2",
+        "--set",
+        f"tags={tag}",
+    ]
+    with Client(stack.url) as client:
+
+        def given(*more: str) -> dict[str, str]:
+            """Return the jobs there are since, each with its name."""
+            done = spherify_here(*command, *more, cwd=meshes)
+            assert done.code == 0, done.err
+            return {job["id"]: job["name"] for job in client.jobs(tag)}
+
+        first = given()
+        assert sorted(first.values()) == ["cube", "stone"]
+        (meshes / "stone_it00002.ply").unlink()
+        assert given() == first
+        assert (meshes / "stone_it00002.ply").is_file()
+        assert given("--format", "obj") == first
+        assert (meshes / "cube_it00002.obj").is_file()
+
+        def new(*more: str) -> list[str]:
+            """Return the files of which there are new jobs."""
+            before = {job["id"] for job in client.jobs(tag)}
+            return sorted(name for job, name in given(*more).items() if job not in before)
+
+        assert new("-o", "elsewhere") == ["cube", "stone"]
+        assert new("--anew") == ["cube", "stone"]
+        (meshes / "cube.off").write_bytes((meshes / "stone.off").read_bytes())
+        assert new() == ["cube"]
+
+
+def test_given_again_it_computes_what_was_deleted(stack: Stack, meshes: Path) -> None:
+    tag = f"deleted-{meshes.name.lower()}"
+    command = ["submit", "stone.off", "--url", stack.url, "--iterations", "2", "--set", f"tags={tag}"]
+    with Client(stack.url) as client:
+        assert spherify_here(*command, cwd=meshes).code == 0
+        (first,) = client.jobs(tag)
+        assert httpx.delete(f"{stack.url}/v1/jobs/{first['id']}").is_success
+        assert spherify_here(*command, cwd=meshes).code == 0
+        (second,) = client.jobs(tag)
+        assert second["id"] != first["id"]
+
+
+def test_given_again_it_computes_what_was_cancelled(stack: Stack, meshes: Path) -> None:
+    tag = f"cancelled-{meshes.name.lower()}"
+    long = ["--preset", "paper", "--set", "step=1e-6", "--iterations", "900000", "--snapshots", "0"]
+    command = ["submit", "stone.off", "--url", stack.url, *long, "--set", f"tags={tag}"]
+    with Client(stack.url) as client:
+
+        def cancelled() -> str:
+            """Give the command, and cancel the job that is made."""
+            before = {job["id"] for job in client.jobs(tag)}
+
+            def made() -> list[str]:
+                return [job["id"] for job in client.jobs(tag) if job["id"] not in before]
+
+            with running(*command, cwd=meshes) as at_work:
+                wait_for(made, what="a job")
+                (job_id,) = made()
+                client.cancel(job_id)
+                assert at_work.process.wait(30) == 1
+            return job_id
+
+        assert cancelled() != cancelled()
 
 
 def test_the_same_bytes_as_a_local_run(stack: Stack, meshes: Path) -> None:
