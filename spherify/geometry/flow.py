@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property, partial
 from typing import Any, Final
@@ -259,7 +259,7 @@ class _Run:
         shape = progress.shape
         if math.isnan(shape.radius_variation):  # which a run did not need to know
             whole = self.method.shape(progress.position, whole=True)
-            shape = replace(shape, radius_variation=whole.radius_variation)
+            shape = shape._replace(radius_variation=whole.radius_variation)
         return Metrics.of(
             shape,
             self.method.figures(progress.position, progress.shape.centroid),

@@ -49,7 +49,7 @@ def tell(what):
 states = flow(mesh, replace(PRESETS['robust'].config, iterations=10**6), engine=engine)
 here = [next(states), next(states), next(states)][-1]
 tell('T')
-outside = replace(here._progress.best_shape, centroid=np.array([3.0, 0.0, 0.0]))
+outside = here._progress.best_shape._replace(centroid=np.array([3.0, 0.0, 0.0]))
 for what, phase, since, inward, least_area, shape in (
     ('looking whether it is covered once', Phase.NORMALS, 130, 0, 0.5, None),
     ('going on from the roundest state', Phase.FOLDED, 13, 0, 0.5, None),

@@ -114,6 +114,9 @@ class Known(NamedTuple):
     wanted: Wanted = ALL
 
 
+NOTHING: Final = Known()
+
+
 class CompiledKernel:
     """T on one connectivity. Not to be called by two threads at once: its buffers are shared."""
 
@@ -140,11 +143,11 @@ class CompiledKernel:
         nothing_between = config.momentum == 0 and config.rescale == "none"
         plain = config.step_bound == 0 and config.relaxation == 0
         self._goes_on = nothing_between and plain
-        self._known = Known()
+        self._known = NOTHING
         self._positions = Positions(self._use.position, self._numbering, self._parts, self._team)
         self._previous = Positions(self._use.previous, self._numbering, self._parts, self._team)
         mesh, use, mode = self._mesh, self._use, self._mode
-        self._code = code_for(work, mesh, use, self._scratch[0], mode, self._task())
+        self._code = code_for(work, mesh, use, self._scratch[0], mode, self._task(0))
         self._sphere = OnTheSphere(
             self._numbering,
             self._positions,
@@ -188,22 +191,24 @@ class CompiledKernel:
         known, ahead = self._load(V), previous is not None and momentum > 0
         if previous is not None and ahead:
             self._load_previous(previous)
-            known = Known()
+            known = NOTHING
         if not self._has_rings:
             measured = None
         passes = CURVED + MOVE + HOLD + (0 if known.rows else ROWS) + (AHEAD if ahead else 0)
+        on: dict[str, Any] = (
+            {} if measured is None else {"variation": measured.variation, "area": measured.area}
+        )
+        if known.curved is not None and relaxation <= 0:  # which weighs areas, that are not known
+            on |= {"known": True, "K_min": known.curved.K_min, "K_max": known.curved.K_max}
         task = self._task(
-            passes=passes + (0 if measured is None else self._measuring(measured)),
+            passes + (0 if measured is None else self._measuring(measured)),
             k_in=stage.k_in,
             k_out=stage.k_out,
             step=float(step),
             relaxation=float(relaxation),
             momentum=float(momentum),
+            **on,
         )
-        if measured is not None:
-            task = task._replace(variation=measured.variation, area=measured.area)
-        if known.curved is not None and relaxation <= 0:  # which weighs areas, that are not known
-            task = task._replace(known=True, K_min=known.curved.K_min, K_max=known.curved.K_max)
         found = (
             self._together(task) if known.curved is None or known.curved.end != NOT_FINITE else known.curved
         )
@@ -223,7 +228,7 @@ class CompiledKernel:
         """See `spherify.geometry.kernels.interface.Kernel.transform_radially`."""
         self._load(V)
         for along in [step] * stage.k_in + [-step] * stage.k_out:
-            found = self._together(self._task(passes=ROWS + CURVED, k_in=1))
+            found = self._together(self._task(ROWS + CURVED, k_in=1))
             if found.end == CONSTANT:
                 return None
             if found.end == NOT_FINITE:
@@ -238,7 +243,7 @@ class CompiledKernel:
             return known.shape
         if self._has_rings:
             passes = self._measuring(wanted) + (0 if known.rows else ROWS)
-            task = self._task(passes=passes, variation=wanted.variation)
+            task = self._task(passes, variation=wanted.variation)
             self._known, shape = self._seen(self._together(task), wanted)
         else:
             self._known = Known(known.rows)  # the memory of its curvature is needed
@@ -252,7 +257,7 @@ class CompiledKernel:
         curved = known.curved
         if curved is None:
             passes = VERTICES + (0 if known.rows else ROWS)
-            curved = self._together(self._task(passes=passes, k_in=1))
+            curved = self._together(self._task(passes, k_in=1))
             self._known = known._replace(rows=True, curved=curved)
         if curved.end == NOT_FINITE:
             return self._reference.figures(V, centre)
@@ -262,7 +267,7 @@ class CompiledKernel:
         """See `spherify.geometry.kernels.interface.Kernel.scaled`."""
         self._load(V)
         cx, cy, cz = centre.tolist()
-        self._together(self._task(passes=SCALE, centre=(cx, cy, cz), factor=float(factor)))
+        self._together(self._task(SCALE, centre=(cx, cy, cz), factor=float(factor)))
         return self._positions.unloaded()
 
     def _load_previous(self, previous: Floats) -> None:
@@ -276,9 +281,9 @@ class CompiledKernel:
 
     def _load(self, V: Floats, *, to_move: bool = True) -> Known:
         """Load positions, see `Positions.load`; return what is known of them."""
-        known, self._known = self._known, Known()  # of what is not loaded after an interrupt, nothing
+        known, self._known = self._known, NOTHING  # of what is not loaded after an interrupt, nothing
         if not self._positions.load(V, to_move=to_move):
-            known = Known()
+            known = NOTHING
         if not to_move:
             self._known = known
         return known
@@ -300,20 +305,19 @@ class CompiledKernel:
 
     def _shape_of(self, measured: Floats, wanted: Wanted) -> Shape:
         """Return the shape of the positions loaded from the sums of their surface."""
-        area, volume, x, y, z, lengths, variation, _ = measured.tolist()
+        area, volume, _, _, _, lengths, variation, _ = measured.tolist()
         if len(self._single):  # the sum over the faces has these once, all others twice
             position = self._use.position
             a, b = position[:, self._single[:, 0]], position[:, self._single[:, 1]]
             lengths += float(np.sqrt(((b - a) ** 2).sum(axis=0)).sum())
         mean_edge = lengths / 2 / self._edge_count if wanted.edges else math.nan
-        centroid = np.array([x, y, z])
+        centroid = measured[2:5].copy()
         centroid.setflags(write=False)  # for whoever asks again
         return Shape(area, volume, centroid, mean_edge, variation)
 
-    def _task(self, **others: Any) -> Task:  # noqa: ANN401 - the rest of a Task
+    def _task(self, passes: int, **others: Any) -> Task:  # noqa: ANN401 - the rest of a Task
         """Return a task of the first part, of no elementary step unless told otherwise."""
-        nothing: dict[str, Any] = {"passes": 0, "k_in": 0, "k_out": 0, "step": 0.0, "relaxation": 0.0}
-        return Task(**self._parts[0]._asdict(), parts=len(self._parts), **{**nothing, **others})
+        return Task(passes, *self._parts[0], parts=len(self._parts), **others)
 
     def _together(self, task: Task) -> Found:
         """Do something, each thread its part; what they have found, which is the same."""

@@ -7,6 +7,7 @@ from weakref import ReferenceType, ref
 import numpy as np
 
 from spherify.geometry.kernels.numbering import Numbering, Part
+from spherify.geometry.kernels.passes.jit import code_for
 from spherify.geometry.kernels.passes.movement import unload
 from spherify.geometry.kernels.team import Team
 from spherify.geometry.mesh import Floats
@@ -22,6 +23,7 @@ class Positions:
         self._parts = parts
         self._team = team
         self._loaded: ReferenceType[Floats] | None = None
+        self._unload = code_for(unload, buffer, numbering.place, buffer, *parts[0][:2])
 
     def load(self, V: Floats, *, to_move: bool = True) -> bool:
         """Take V (n, 3) into the order of the passes, unless it is there: what was seen last, if nobody can write it.
@@ -57,7 +59,7 @@ class Positions:
         moved = np.empty((len(self._numbering.place), 3), order="F")
 
         def take(part: Part) -> None:
-            unload(self._buffer, self._numbering.place, moved.T, part.first, part.last)
+            self._unload(self._buffer, self._numbering.place, moved.T, part.first, part.last)
 
         self._team.each(take, self._parts)
         moved.setflags(write=False)

@@ -176,10 +176,10 @@ class Task(NamedTuple):
     last: np.uint32
     first_run: int
     last_run: int
-    k_in: int
-    k_out: int
-    step: float
-    relaxation: float
+    k_in: int = 0
+    k_out: int = 0
+    step: float = 0.0
+    relaxation: float = 0.0
     K_min: float = np.inf
     K_max: float = -np.inf
     greatest: float = 0.0
