@@ -137,10 +137,14 @@ def ring_group(degree: int, extras: int, *, by_area: bool) -> Group:
 
         d = [neighbour(degree - 1), neighbour(0)]  # one place further on than in the formulas
         faces, edges = [next_face(0)], []
-        normal = times(faces[0].normal, faces[0].inverse)
+        normal, vector, areas = times(faces[0].normal, faces[0].inverse), faces[0].normal, faces[0].size
         for j in range(1, degree):
             d.append(neighbour(j) if j < degree - 1 else d[0])
             faces.append(next_face(j))
+            if extras == MEASURED:
+                vector = plus(vector, faces[j].normal)
+            if extras != PLAIN:
+                areas = areas + faces[j].size
             edges.append(edge(d[j - 1], dot(d[j], d[j]), faces[j - 1], faces[j]))
             normal = added(normal, faces[j].normal, faces[j].inverse)
         edges.append(edge(d[-2], dot(d[-1], d[-1]), faces[-1], faces[0]))
@@ -149,7 +153,6 @@ def ring_group(degree: int, extras: int, *, by_area: bool) -> Group:
         total = bent(edges, [*faces, faces[0]], folded, there, by_area=by_area)
         outputs = _outward(normal, squared, to)
         if extras != PLAIN:
-            areas = reduce(add, (one.size for one in faces))
             outputs += [(to.K, _weighed(total, areas, block)), (to.area, 0.5 * areas)]
         else:
             outputs.append((to.K, block.scale * total))
@@ -163,7 +166,7 @@ def ring_group(degree: int, extras: int, *, by_area: bool) -> Group:
             )
             outputs.append((to.altitude, (over / under).root()))
         if extras == MEASURED:
-            to.volume.store(k, dot(p, reduce(plus, (one.normal for one in faces))))
+            to.volume.store(k, dot(p, vector))
         _write(outputs, low, count)
         flat = is_flat(
             reduce(lesser, (one.squared for one in faces)), reduce(greater, (one.squared for one in edges))
