@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from itertools import product
 
-from benchmarks.kernels import STEPS, chained, needed, wanted
+from benchmarks.kernels import IN_A_ROW, STEPS, chained, needed, wanted
 from benchmarks.pictures import lines
 from benchmarks.timing import best_of
 from spherify.geometry.kernels import get_engine
@@ -61,5 +61,6 @@ def _costs(size: int) -> tuple[int, dict[str, float]]:
     for preset in PRESETS:
         for name, of_it in (("measured", wanted(mesh, preset)), ("needed", needed(mesh, preset))):
             rivals[f"{preset}, {name}"] = chained(mesh, get_engine("compiled"), preset, measured=of_it)
-    seconds = best_of(rivals, max(5, WORK // n), 2)
+    calls = max(2, IN_A_ROW // n)
+    seconds = best_of(rivals, max(5, WORK // (calls * n)), calls)
     return n, {name: best / n * 1e9 / STEPS for name, best in seconds.items()}
