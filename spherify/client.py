@@ -14,6 +14,7 @@ import httpx
 
 POLL_S: Final = 0.25
 PATIENCE_S: Final = 15.0  # a service may be restarted behind its address
+IN_PROGRESS: Final = "idempotency-in-progress"
 _CHUNK: Final = 1 << 16
 T = TypeVar("T")
 
@@ -97,7 +98,12 @@ class Client:
                 with path.open("rb") as file:
                     return self._begun(path.name, file, fields, name)
 
-            return self._patiently(once) if self._met and path.is_file() else once()
+            try:
+                return self._patiently(once) if self._met and path.is_file() else once()
+            except RefusedError as e:  # the service was met just now
+                if e.slug != IN_PROGRESS or not path.is_file():
+                    raise
+                return self._patiently(once)
 
         if key is not None:
             try:
@@ -230,7 +236,7 @@ class Client:
                 if time.monotonic() > deadline:
                     raise
             except RefusedError as e:
-                later = e.status == httpx.codes.SERVICE_UNAVAILABLE or e.slug == "idempotency-in-progress"
+                later = e.status == httpx.codes.SERVICE_UNAVAILABLE or e.slug == IN_PROGRESS
                 if not later or time.monotonic() > deadline:
                     raise
             time.sleep(POLL_S)

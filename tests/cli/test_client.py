@@ -6,8 +6,10 @@ import os
 import socket
 import threading
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
+from uuid import uuid4
 
 import pytest
 
@@ -36,6 +38,24 @@ def test_a_job_is_followed_to_its_end(stack: Stack, mesh: Path, tmp_path: Path) 
         client.download(job["id"], "final", "obj", tmp_path / "final.obj")
     final = read_mesh(tmp_path / "final.obj", "final.obj").mesh
     assert (final.faces == read_mesh(mesh, mesh.name).mesh.faces).all()
+
+
+def test_who_sends_the_same_at_once_is_given_the_same_job(stack: Stack, mesh: Path) -> None:
+    key = str(uuid4())
+
+    def sent(_: int) -> str:
+        with Client(stack.url) as client:  # which has not met the service yet
+            return str(client.submit(mesh, {"iterations": "1"}, key=key)["id"])
+
+    with ThreadPoolExecutor(8) as pool:
+        assert len(set(pool.map(sent, range(8)))) == 1
+
+
+def test_a_key_that_was_used_for_another_content_makes_a_new_job(stack: Stack, mesh: Path) -> None:
+    key = str(uuid4())
+    with Client(stack.url) as client:
+        jobs = [client.submit(mesh, {"iterations": str(n)}, key=key)["id"] for n in (1, 2, 1)]
+    assert jobs[0] == jobs[2] != jobs[1]
 
 
 def test_a_refusal_carries_the_problem(stack: Stack, mesh: Path, tmp_path: Path) -> None:
