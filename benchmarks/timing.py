@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import time
 from collections.abc import Callable, Mapping
 from statistics import median
@@ -42,3 +43,9 @@ def seconds(run: Callable[[], object], clock: Callable[[], float] = time.perf_co
     began = clock()
     run()
     return clock() - began
+
+
+def in_a_process_of_its_own(measure: Callable[[int], float], size: int) -> float:
+    """Return what a function of a module finds where nothing has run before."""
+    with multiprocessing.get_context("spawn").Pool(1) as pool:
+        return pool.apply(measure, (size,))
