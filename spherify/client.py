@@ -98,12 +98,7 @@ class Client:
                 with path.open("rb") as file:
                     return self._begun(path.name, file, fields, name)
 
-            try:
-                return self._patiently(once) if self._met and path.is_file() else once()
-            except RefusedError as e:  # the service was met just now
-                if e.slug != IN_PROGRESS or not path.is_file():
-                    raise
-                return self._patiently(once)
+            return self._patiently(once, away=self._met) if path.is_file() else once()
 
         if key is not None:
             try:
@@ -124,7 +119,7 @@ class Client:
         def once() -> dict[str, Any]:
             return self._begun(name, content, fields, key)[0]
 
-        return self._patiently(once) if self._met else once()
+        return self._patiently(once, away=self._met)
 
     def job(self, job_id: str) -> dict[str, Any]:
         """Return a job as it is now; raises `ServiceError`."""
@@ -226,17 +221,17 @@ class Client:
         return self._patiently(once) if method == "GET" else once()
 
     @staticmethod
-    def _patiently(ask: Callable[[], T]) -> T:
-        """Ask again for a while if the service is not there, or says that it is not ready, or still at it."""
+    def _patiently(ask: Callable[[], T], *, away: bool = True) -> T:
+        """Ask again for a while if the service says that it is at it; or is not there or not ready, if ``away``."""
         deadline = time.monotonic() + PATIENCE_S
         while True:
             try:
                 return ask()
             except UnreachableError:
-                if time.monotonic() > deadline:
+                if not away or time.monotonic() > deadline:
                     raise
             except RefusedError as e:
-                later = e.status == httpx.codes.SERVICE_UNAVAILABLE or e.slug == IN_PROGRESS
+                later = e.slug == IN_PROGRESS or (away and e.status == httpx.codes.SERVICE_UNAVAILABLE)
                 if not later or time.monotonic() > deadline:
                     raise
             time.sleep(POLL_S)

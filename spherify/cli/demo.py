@@ -17,6 +17,7 @@ from spherify.cli.console import INTERRUPTED, REFUSED, code_of, err, fail, out, 
 from spherify.cli.inputs import SAMPLE as SAMPLE_PREFIX
 from spherify.cli.inputs import MethodOption, PresetOption, read_settings, sample
 from spherify.cli.interruption import interruptible
+from spherify.cli.snapshots import snapshot_name
 from spherify.cli.stack import DEFAULT, Address, Stack, StackError
 from spherify.cli.submit import show
 from spherify.client import Client, RefusedError, ServiceError, UnreachableError
@@ -137,13 +138,11 @@ def _journey(
             show(bars, task, job)
             for iteration in (i for i in job["snapshots"]["available"] if i not in saved):
                 for form in FORMATS:
-                    client.download(job["id"], iteration, form, folder / _name(mesh.stem, iteration, form))
+                    client.download(
+                        job["id"], iteration, form, folder / snapshot_name(mesh.stem, iteration, form)
+                    )
                 saved.add(iteration)
         return job, client.snapshots(job["id"])
-
-
-def _name(stem: str, iteration: int, form: str) -> str:
-    return f"{stem}_it{iteration:05d}.{form}"
 
 
 def _picture(folder: Path, stem: str, figures: list[dict[str, Any]], up_axis: str) -> Path:
@@ -153,7 +152,7 @@ def _picture(folder: Path, stem: str, figures: list[dict[str, Any]], up_axis: st
     shown = figures if len(figures) <= PANELS else [*figures[: PANELS - 1], figures[-1]]
     panels = []
     for item in shown:
-        path = folder / _name(stem, item["iteration"], "ply")
+        path = folder / snapshot_name(stem, item["iteration"], "ply")
         # parsed here and not judged: the file is ours, and all panels need the same vertices
         raw = read(path.read_bytes(), "ply", ReadLimits())
         mesh = TriangleMesh.checked(raw.vertices, raw.faces)

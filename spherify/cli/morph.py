@@ -27,6 +27,7 @@ from spherify.cli.inputs import (
     parameters_of,
 )
 from spherify.cli.interruption import interruptible
+from spherify.cli.snapshots import snapshot_name
 from spherify.formats import FORMATS_OUT, write_mesh
 from spherify.geometry.errors import GeometryError, InvalidConfigError
 from spherify.geometry.flow import StopReason
@@ -86,11 +87,8 @@ def morph(
         plan = SnapshotPlan.parse(snapshots, parameters.iterations)
     except InvalidConfigError as e:
         fail(str(e), REFUSED)
-    for path in (
-        [_snapshot(output, i) for i in plan.iterations] if snapshots and Path(source).exists() else []
-    ):
-        if path.exists() and path.samefile(source):
-            fail(f"a snapshot would take the place of {path}: give -o another name", REFUSED)
+    if snapshots:
+        _spare(Path(source), output, plan)
     mesh = mesh_of(source, allow or [])
     if not computing.ready:
         warn("compiling the kernels, once on this machine: up to a minute")
@@ -219,7 +217,15 @@ class _Files:
 
 
 def _snapshot(output: Path, iteration: int) -> Path:
-    return output.with_name(f"{output.stem}_it{iteration:05d}{output.suffix}")
+    """Return the file for a state, beside that for the result and of the same suffix."""
+    return output.with_name(snapshot_name(output.stem, iteration, output.suffix.removeprefix(".")))
+
+
+def _spare(source: Path, output: Path, plan: SnapshotPlan) -> None:
+    """End the program if a snapshot would be written over what is read."""
+    for path in (_snapshot(output, iteration) for iteration in plan.iterations):
+        if path.exists() and source.exists() and path.samefile(source):
+            fail(f"a snapshot would take the place of {path}: give -o another name", REFUSED)
 
 
 def _say(report: Mapping[str, object], *, as_json: bool) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import platform
-import re
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -19,12 +18,12 @@ from rich.progress import TaskID
 from spherify.cli.console import FAILED, INTERRUPTED, REFUSED, code_of, err, fail, progress_bar
 from spherify.cli.inputs import AllowOption, AssignmentsOption, IterationsOption, MethodOption, PresetOption
 from spherify.cli.interruption import interruptible
+from spherify.cli.snapshots import snapshot_name, stem_and_form
 from spherify.client import Client, InvalidAddressError, RefusedError, ServiceError
 from spherify.formats import FORMATS_OUT
 
 AT_ONCE: Final = 8
 # Answers that blame the mesh or an option, and would be the same tomorrow.
-_SNAPSHOT: Final = re.compile(r"(?P<stem>.+)_it\d{5,}\.(?P<form>\w+)")
 _OURS: Final = frozenset({400, 413, 415, 422})
 
 
@@ -230,7 +229,7 @@ class _Errand:
             raise _LeftError
 
     def _save(self, job_id: str, iteration: int) -> None:
-        target = self.target.with_name(f"{self.target.name}_it{iteration:05d}.{self.mesh_format}")
+        target = self.target.with_name(snapshot_name(self.target.name, iteration, self.mesh_format))
         self.client.download(job_id, iteration, self.mesh_format, target)
 
     def _failed(self, sentence: str, code: int) -> int:
@@ -278,14 +277,6 @@ def _stems(files: list[Path]) -> list[str]:
 
 def _overwritten(files: list[Path], stems: list[str], folder: Path, mesh_format: str) -> Path | None:
     """Return a file that has the name of another's snapshot, in the folder where that would be saved."""
-    where, known = folder.resolve(), set(stems)
-    for path in files:
-        found = _SNAPSHOT.fullmatch(path.name)
-        if (
-            found
-            and found["stem"] in known
-            and found["form"] == mesh_format
-            and path.resolve().parent == where
-        ):
-            return path
-    return None
+    where, names = folder.resolve(), {(stem, mesh_format) for stem in stems}
+    found = (path for path in files if stem_and_form(path.name) in names and path.resolve().parent == where)
+    return next(found, None)

@@ -107,17 +107,8 @@ def test_no_snapshot_takes_the_place_of_another_mesh(stack: Stack, meshes: Path)
 
 def test_given_again_it_fetches_what_was_accepted(stack: Stack, meshes: Path) -> None:
     tag = f"again-{meshes.name.lower()}"
-    command = [
-        "submit",
-        "stone.off",
-        "cube.off",
-        "--url",
-        stack.url,
-        "--iterations",
-        "2",
-        "--set",
-        f"tags={tag}",
-    ]
+    options = ["--url", stack.url, "--iterations", "2", "--set", f"tags={tag}"]
+    command = ["submit", "stone.off", "cube.off", *options]
     with Client(stack.url) as client:
 
         def given(*more: str) -> dict[str, str]:

@@ -195,11 +195,11 @@ class CompiledKernel:
         if not self._has_rings:
             measured = None
         passes = CURVED + MOVE + HOLD + (0 if known.rows else ROWS) + (AHEAD if ahead else 0)
-        on: dict[str, Any] = (
+        more: dict[str, Any] = (
             {} if measured is None else {"variation": measured.variation, "area": measured.area}
         )
         if known.curved is not None and relaxation <= 0:  # which weighs areas, that are not known
-            on |= {"known": True, "K_min": known.curved.K_min, "K_max": known.curved.K_max}
+            more |= {"known": True, "K_min": known.curved.K_min, "K_max": known.curved.K_max}
         task = self._task(
             passes + (0 if measured is None else self._measuring(measured)),
             k_in=stage.k_in,
@@ -207,7 +207,7 @@ class CompiledKernel:
             step=float(step),
             relaxation=float(relaxation),
             momentum=float(momentum),
-            **on,
+            **more,
         )
         found = (
             self._together(task) if known.curved is None or known.curved.end != NOT_FINITE else known.curved
