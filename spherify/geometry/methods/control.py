@@ -33,7 +33,7 @@ from spherify.geometry.unfolding import Unfolded
 LATE_ENOUGH: Final = 0.8  # sphericity from which on a surface is round enough after LATE iterations
 ROUND_ENOUGH: Final = 0.2  # radius variation below which a run that is stuck goes on upon the sphere
 LATER_LESS: Final = (
-    1e-3  # by which that falls with each iteration more: what is wound tightly may rise no further
+    4e-3  # by which that falls with each iteration more: what is wound tightly may rise no further
 )
 PLATEAU_RISE: Final = 1e-4  # a smaller rise of the best sphericity counts as none
 LOOKED_EVERY: Final = 10  # iterations between two looks for folds; and without a rise, for the end
