@@ -37,7 +37,6 @@ from spherify.geometry.kernels.passes.wide_vectors import (
     cross,
     difference,
     dot,
-    plus,
     times,
 )
 
@@ -75,7 +74,7 @@ class Results(NamedTuple):
         pz: and so on.
         area: (n,) sums of the areas at each vertex.
         altitude: (n,) least altitudes.
-        volume: (BLOCK,) Σ p · N_j of each vertex of the block.
+        volume: (BLOCK,) x Σ N_jx of each vertex of the block, see `spherify.geometry.kernels.passes.whole`.
         lengths: (BLOCK,) Σ |d_j|.
         flats: (BLOCK / LANES,) of each group, by a bit for each vertex, whether a face at it is flat to rounding.
 
@@ -137,12 +136,12 @@ def ring_group(degree: int, extras: int, *, by_area: bool) -> Group:
 
         d = [neighbour(degree - 1), neighbour(0)]  # one place further on than in the formulas
         faces, edges = [next_face(0)], []
-        normal, vector, areas = times(faces[0].normal, faces[0].inverse), faces[0].normal, faces[0].size
+        normal, along_x, areas = times(faces[0].normal, faces[0].inverse), faces[0].normal[0], faces[0].size
         for j in range(1, degree):
             d.append(neighbour(j) if j < degree - 1 else d[0])
             faces.append(next_face(j))
             if extras == MEASURED:
-                vector = plus(vector, faces[j].normal)
+                along_x = along_x + faces[j].normal[0]
             if extras != PLAIN:
                 areas = areas + faces[j].size
             edges.append(edge(d[j - 1], dot(d[j], d[j]), faces[j - 1], faces[j]))
@@ -166,7 +165,7 @@ def ring_group(degree: int, extras: int, *, by_area: bool) -> Group:
             )
             outputs.append((to.altitude, (over / under).root()))
         if extras == MEASURED:
-            to.volume.store(k, dot(p, vector))
+            to.volume.store(k, p[0] * along_x)
         _write(outputs, low, count)
         flat = is_flat(
             reduce(lesser, (one.squared for one in faces)), reduce(greater, (one.squared for one in edges))
@@ -211,7 +210,7 @@ class Around(NamedTuple):
         face: between them.
         total: Σ l·θ; over the |N| of the faces, if wanted by area.
         normal: Σ N / |N|.
-        vector: Σ N.
+        along_x: Σ N_x.
         areas: Σ |N|.
         smallest: |N|².
         longest: d².
@@ -225,7 +224,7 @@ class Around(NamedTuple):
     face: Face
     total: Wide
     normal: Vector
-    vector: Vector
+    along_x: Wide
     areas: Wide
     smallest: Wide
     longest: Wide
@@ -250,7 +249,7 @@ def any_ring_group(*, by_area: bool) -> Group:
                 face=b,
                 total=s.total + bend(edge(s.e, s.dd, s.face, b), s.face, b, by_area=by_area),
                 normal=added(s.normal, b.normal, b.inverse),
-                vector=plus(s.vector, b.normal),
+                along_x=s.along_x + b.normal[0],
                 areas=s.areas + b.size,
                 smallest=lesser(b.squared, s.smallest),
                 longest=greater(ff, s.longest),
@@ -262,7 +261,7 @@ def any_ring_group(*, by_area: bool) -> Group:
         zero, dd, first = equal(block.scale, 0.0), dot(d, d), face(e, d)
         nothing = (zero, zero, zero)
         begin = Around(
-            e, d, dd, first, zero, nothing, nothing, zero, first.squared, dd,
+            e, d, dd, first, zero, nothing, zero, zero, first.squared, dd,
             altitude_of(e, dot(e, e), d, dd, first),
         )  # fmt: skip
         s = repeated(block.degree, begin, turn)
@@ -272,7 +271,7 @@ def any_ring_group(*, by_area: bool) -> Group:
             (to.area, 0.5 * s.areas),
             (to.altitude, (s.altitude[0] / s.altitude[1]).root()),
         ]
-        to.volume.store(k, dot(p, s.vector))
+        to.volume.store(k, p[0] * s.along_x)
         _write(outputs, low, count)
         return (first_lanes(count) & is_flat(s.smallest, s.longest)).bits()
 
@@ -298,7 +297,7 @@ def measure_group(degree: int) -> Group:
         for j in range(degree):
             sizes.append(dot(normals[j], normals[j]).root())
             lengths.append(_length(dot(d[j], d[j]), by_division=j % 2 == 0))
-        to.volume.store(k, dot(p, reduce(plus, normals)))
+        to.volume.store(k, p[0] * reduce(add, (normal[0] for normal in normals)))
         to.lengths.store(k, reduce(add, lengths))
         _write([(to.area, 0.5 * reduce(add, sizes))], low, block.count - k)
         return k - k
@@ -314,16 +313,16 @@ def any_measure_group() -> Group:
         low, at = block.low + k, block.at + k
         p = (x.load(low), y.load(low), z.load(low))
 
-        def further(j: Place, s: tuple[Vector, Vector, Wide, Wide]) -> tuple[Vector, Vector, Wide, Wide]:
-            d, vector, areas, lengths = s
+        def further(j: Place, s: tuple[Vector, Wide, Wide, Wide]) -> tuple[Vector, Wide, Wide, Wide]:
+            d, along_x, areas, lengths = s
             f = difference(columns(rows.rows(ring, at + (j + 1).wrapped(block.degree) * block.step))[:3], p)
             normal = cross(d, f)
-            return f, plus(vector, normal), areas + dot(normal, normal).root(), lengths + dot(d, d).root()
+            return f, along_x + normal[0], areas + dot(normal, normal).root(), lengths + dot(d, d).root()
 
         zero = equal(block.scale, 0.0)
         d = difference(columns(rows.rows(ring, at))[:3], p)
-        _, vector, areas, lengths = repeated(block.degree, (d, (zero, zero, zero), zero, zero), further)
-        to.volume.store(k, dot(p, vector))
+        _, along_x, areas, lengths = repeated(block.degree, (d, zero, zero, zero), further)
+        to.volume.store(k, p[0] * along_x)
         to.lengths.store(k, lengths)
         _write([(to.area, 0.5 * areas)], low, block.count - k)
         return k - k

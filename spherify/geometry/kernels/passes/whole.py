@@ -1,7 +1,8 @@
 """The surface as a whole, from what the rings of its vertices are computed for anyway.
 
 Each vertex p stands for the faces at it, so that every face counts three times and every edge twice: with A(p) = Σ A_f
-over these faces, ΣA(p) = 3A and ΣA(p)·p = 3A·c; and Σ p · N_j, over their doubled area vectors N_j, adds up to 18V.
+over these faces, ΣA(p) = 3A and ΣA(p)·p = 3A·c. The volume is that of the divergence of (x, 0, 0): over their doubled
+area vectors N_j, Σ x(p) N_jx adds up to 6V, with a third of the additions that Σ p · N_j = 18V takes.
 
 Sums go by the runs of vertices, which are the same whoever adds them up: the bytes do not depend on the number of
 threads.
@@ -40,7 +41,7 @@ class Sums(NamedTuple):
 
     Attributes:
         weights: A(p).
-        volumes: Σ p · N_j.
+        volumes: Σ x(p) N_jx.
         mx: A(p)·p, and
         my: so on
         mz: and so on.
@@ -96,7 +97,7 @@ def integrate(
 @inner
 def end_run(lanes: Sums, sums: Floats) -> None:
     """Write the sums of a run."""
-    sums[0], sums[1] = total_of(lanes.weights[:LANES]), total_of(lanes.volumes[:LANES]) / 3
+    sums[0], sums[1] = total_of(lanes.weights[:LANES]), total_of(lanes.volumes[:LANES])
     sums[2], sums[3], sums[4] = (
         total_of(lanes.mx[:LANES]),
         total_of(lanes.my[:LANES]),

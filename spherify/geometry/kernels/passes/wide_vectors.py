@@ -28,11 +28,6 @@ def difference(a: Vector, b: Vector) -> Vector:
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
-def plus(a: Vector, b: Vector) -> Vector:
-    """Return a + b."""
-    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
-
-
 def times(a: Vector, by: Wide) -> Vector:
     """Return by·a."""
     return a[0] * by, a[1] * by, a[2] * by
