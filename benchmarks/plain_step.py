@@ -1,6 +1,6 @@
 """One elementary step of `paper` as one first writes it down in numpy: rows of three, `np.cross`, `np.bincount`.
 
-The reference engine computes the same on columns, block by block, so that what it goes over stays in the caches.
+The reference engine computes the same on columns, each coordinate by itself.
 """
 
 from __future__ import annotations
