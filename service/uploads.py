@@ -99,9 +99,11 @@ def check_space(folder: Path, needed: int, min_free_bytes: int) -> None:
     """Raise `storage-full` unless so many bytes fit and the reserve stays."""
     free = shutil.disk_usage(folder).free
     if free < needed + min_free_bytes:
+        what = f"{needed:,} bytes do not fit: " if needed else ""
         raise ProblemError(
             "storage-full",
-            f"{needed} bytes do not fit: {free} bytes are free, of which {min_free_bytes} are kept in reserve",
+            f"{what}{free:,} bytes are free in the data folder, of which {min_free_bytes:,} are kept in reserve: "
+            "make room there, as by deleting jobs that are no longer needed",
         )
 
 

@@ -56,7 +56,8 @@ class Settings(BaseSettings):
     min_free_bytes: int = Field(
         default=64 * MIB,
         ge=0,
-        description="Uploads are refused with 507 when the data folder has less free space than this and the file.",
+        description="Uploads are refused with 507 when the data folder has less free space than this and the file; "
+        "all else goes on, deleting in particular.",
     )
     upload_timeout_s: float = Field(
         default=30.0, gt=0, description="An upload that sends nothing for this long is dropped with 408."

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+import shutil
 import socket
 import sys
 import time
@@ -54,7 +55,9 @@ class Stack:
         self._listener = _listen(address)
         self._workers = workers
         self._say = say
-        self._stop_s = Settings().cancel_grace_s + HANDING_ON_S
+        settings = Settings()
+        self._stop_s = settings.cancel_grace_s + HANDING_ON_S
+        self._reserve = settings.min_free_bytes
         self._server: EmbeddedServer | None = None
         self._programs: list[Program] = []
 
@@ -74,8 +77,13 @@ class Stack:
         host = "localhost" if self._host in _EVERYWHERE else self._host
         return f"http://[{host}]:{self.port}" if ":" in host else f"http://{host}:{self.port}"
 
+    @property
+    def is_full(self) -> bool:
+        """Whether the data folder has no room for an upload; all else goes on, deleting in particular."""
+        return shutil.disk_usage(self.data_dir).free < self._reserve
+
     def start(self, leave: Callable[[], bool] = lambda: False) -> None:
-        """Start everything and return when the API is ready, or when `leave` says so.
+        """Start everything and return when the API is ready, all but for room on the disk, or when `leave` says so.
 
         Raises:
             StackError: something ended while starting, or was not ready in time.
@@ -149,7 +157,11 @@ class Stack:
                     answer = http.get("/readyz")
                     if answer.is_success:
                         return
-                    state = f": {answer.json()['detail']}"
+                    problem = answer.json()
+                    missing = [name for name, check in problem.get("checks", {}).items() if check != "ok"]
+                    if missing == ["files"] and self.is_full:
+                        return
+                    state = f": {problem['detail']}"
                 if time.monotonic() > deadline:
                     raise StackError(
                         f"the API is not ready after {READY_S:.0f} s{state}{_last(self._programs[0])}"

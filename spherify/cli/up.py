@@ -36,6 +36,10 @@ Spherify {version} is ready.
 Ctrl-C stops everything; jobs that are not done go on at the next start.
 """
 OPEN_DOOR: Final = "Everybody who reaches port {port} of this machine may use it: there are no keys.\n"
+FULL: Final = (
+    "The data folder is full: uploads are refused until jobs that are no longer needed are deleted, or\n"
+    "SPHERIFY_MIN_FREE_BYTES keeps less in reserve.\n"
+)
 
 _saying = threading.Lock()
 
@@ -78,7 +82,10 @@ def up(
                     )
                     if not stack.on_loopback:
                         print_plain(OPEN_DOOR.format(port=stack.port))
-                with Gallery(stack.url, say) if gallery and not stopping else nullcontext():
+                    if stack.is_full:
+                        print_plain(FULL)
+                shows = gallery and not stopping and not stack.is_full
+                with Gallery(stack.url, say) if shows else nullcontext():
                     while not stopping:
                         stack.tend()
                         time.sleep(LOOK_S)

@@ -16,7 +16,7 @@ import httpx
 import pytest
 
 from spherify.cli.gallery import ORDER, TAG
-from spherify.client import Client
+from spherify.client import Client, ServiceError
 from spherify.formats import write_mesh
 from spherify.geometry.samples import SAMPLES
 from spherify.stores.embedded import EmbeddedServer
@@ -170,6 +170,23 @@ def test_data_is_kept_between_runs_and_nothing_is_left_behind(tmp_path: Path, me
         family = command.family()
         command.process.kill()
         await_gone(family)
+
+
+def test_it_starts_on_a_full_disk_so_that_jobs_can_be_deleted(tmp_path: Path, mesh: Path) -> None:
+    arguments = ("up", "--port", "0", "--data", "data")
+    with running(*arguments, "--no-gallery", cwd=tmp_path) as command, Client(command.url()) as client:
+        job = client.submit(mesh, {"iterations": "5"})
+        list(client.follow(job["id"]))
+        assert "is full" not in command.text
+        assert command.end(signal.SIGINT) == 0
+    full = {"SPHERIFY_MIN_FREE_BYTES": str(2**62)}
+    with running(*arguments, cwd=tmp_path, environment=full) as command, Client(command.url()) as client:
+        wait_for(lambda: "The data folder is full: uploads are refused" in command.text)
+        with pytest.raises(ServiceError, match="make room there"):
+            client.submit(mesh, {"iterations": "6"})
+        assert [one["id"] for one in client.jobs()] == [job["id"]], "and no gallery"
+        assert httpx.delete(f"{command.url()}/v1/jobs/{job['id']}").is_success
+        assert not client.jobs()
 
 
 def test_a_server_of_ones_own_is_used_and_left_alone(tmp_path: Path, server: EmbeddedServer) -> None:
