@@ -115,7 +115,14 @@ class _Shared(_Strict):
             "not depend on it; their figures do.",
         ),
     ]
-    rescale: Annotated[Rescale, Field(title="Rescale", description="What is restored after each iteration.")]
+    rescale: Annotated[
+        Rescale,
+        Field(
+            title="Rescale",
+            description="What is restored after each iteration. An open mesh has its area restored where the volume is "
+            "asked for, and nothing where its boundary is fixed.",
+        ),
+    ]
     stop_radius_variation: Annotated[
         float,
         Field(

@@ -6,6 +6,7 @@ ours (window, step bound, relaxation, momentum, rescale, annealing, unfolding) s
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final, Literal, TypeAlias
 
@@ -56,7 +57,7 @@ class Annealing:
             raise InvalidConfigError(f"annealing.patience must be at least 1, not {self.patience}")
         if not 0 < self.factor < 1:
             raise InvalidConfigError(f"annealing.factor must lie between 0 and 1, not {self.factor}")
-        if not self.min_step > 0:
+        if not 0 < self.min_step < math.inf:
             raise InvalidConfigError(f"annealing.min_step must be positive, not {self.min_step}")
 
 
@@ -88,7 +89,7 @@ class Unfolding:
     def __post_init__(self) -> None:
         if not 0 < self.sphericity < 1:
             raise InvalidConfigError(f"unfolding.sphericity must lie between 0 and 1, not {self.sphericity}")
-        if not self.exponent > 0:
+        if not 0 < self.exponent < math.inf:
             raise InvalidConfigError(f"unfolding.exponent must be positive, not {self.exponent}")
         if self.rounds < 1:
             raise InvalidConfigError(f"unfolding.rounds must be at least 1, not {self.rounds}")
@@ -111,11 +112,12 @@ class FlowConfig:
         relaxation_exponent: neighbours weigh (area of the triangles at them) to this power. Ours.
         momentum: most b of p ← p + b·(p - p_before) before each iteration; b = k/(k + 3) after k iterations
             without a fall of the sphericity; 0 is off. Ours.
-        rescale: what is restored about the centroid after each iteration. Ours.
+        rescale: what is restored about the centroid after each iteration. An open mesh has its area restored where
+            the volume is asked for, and nothing where its boundary is fixed. Ours.
         annealing: see `Annealing`; None is off.
         unfolding: see `Unfolding`; None is off.
         stop_radius_variation: the run ends as ``converged`` below this radius variation, unless a face
-            looks inward; 0 is off.
+            looks inward or has vanished, or ``unfolding`` has not done its part; 0 is off.
         boundary: whether vertices on an open boundary move. Closed meshes have none.
         method: its name.
 
@@ -143,17 +145,17 @@ class FlowConfig:
         checks = (
             (self.iterations >= 0, f"iterations must be 0 or more, not {self.iterations}"),
             (len(self.schedule) > 0, "schedule must have at least one stage"),
-            (0 < self.step < float("inf"), f"step must be positive, not {self.step}"),
+            (0 < self.step < math.inf, f"step must be positive, not {self.step}"),
             (0 <= low < high <= 100, f"window must satisfy 0 ≤ lo < hi ≤ 100, not [{low}, {high}]"),
-            (self.step_bound >= 0, f"step_bound must be 0 or more, not {self.step_bound}"),
+            (0 <= self.step_bound < math.inf, f"step_bound must be 0 or more, not {self.step_bound}"),
             (0 <= self.relaxation <= 1, f"relaxation must lie in 0 … 1, not {self.relaxation}"),
             (
-                self.relaxation_exponent >= 0,
+                0 <= self.relaxation_exponent < math.inf,
                 f"relaxation_exponent must be ≥ 0, not {self.relaxation_exponent}",
             ),
             (0 <= self.momentum < 1, f"momentum must lie in 0 … <1, not {self.momentum}"),
             (
-                self.stop_radius_variation >= 0,
+                0 <= self.stop_radius_variation < math.inf,
                 f"stop_radius_variation must be ≥ 0, not {self.stop_radius_variation}",
             ),
         )
@@ -170,11 +172,11 @@ class ImplicitFlowConfig:
         iterations: steps at most.
         method: ``mean-curvature``, or ``conformal``, which has no singularities (Kazhdan, Solomon, Ben-Chen 2012).
         time_step: δ, in units of the surface's area at the start.
-        rescale: what is restored about the centroid after each iteration.
+        rescale: what is restored about the centroid after each iteration; of open meshes as for `FlowConfig`.
         patience: the run ends as ``stalled`` after so many iterations without a rise of the best sphericity by
             1e-4; 0 is off.
         stop_radius_variation: the run ends as ``converged`` below this radius variation, unless a face
-            looks inward; 0 is off.
+            looks inward or has vanished; 0 is off.
         measure: of the vertex curvature in the figures; the flow does not depend on it.
         boundary: whether vertices on an open boundary move. Closed meshes have none.
 
@@ -192,10 +194,10 @@ class ImplicitFlowConfig:
     def __post_init__(self) -> None:
         checks = (
             (self.iterations >= 0, f"iterations must be 0 or more, not {self.iterations}"),
-            (0 < self.time_step < float("inf"), f"time_step must be positive, not {self.time_step}"),
+            (0 < self.time_step < math.inf, f"time_step must be positive, not {self.time_step}"),
             (self.patience >= 0, f"patience must be 0 or more, not {self.patience}"),
             (
-                self.stop_radius_variation >= 0,
+                0 <= self.stop_radius_variation < math.inf,
                 f"stop_radius_variation must be ≥ 0, not {self.stop_radius_variation}",
             ),
         )

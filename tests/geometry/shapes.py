@@ -50,6 +50,15 @@ def uneven_sphere(frequency: int, seed: int = 0) -> TriangleMesh:
     return mesh.with_vertices(mesh.vertices / norm(mesh.vertices)[:, None])
 
 
+def finned(frequency: int, seed: int) -> TriangleMesh:
+    """A sphere of which a cap is pressed to a fin of no thickness, turned so that its plane is no coordinate plane."""
+    mesh = uneven_sphere(frequency)
+    V = mesh.vertices.copy()
+    V[V[:, 1] > 0.4, 0] = 0.0
+    turn, _ = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))
+    return mesh.with_vertices(V @ (turn * np.sign(np.linalg.det(turn))))
+
+
 def drum(around: int, rings: int) -> TriangleMesh:
     """A flat one: a wall of ``rings`` rows, and two lids that are fans of ``around`` triangles."""
     angles = 2 * np.pi * np.arange(around) / around

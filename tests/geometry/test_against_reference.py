@@ -24,6 +24,7 @@ from spherify.geometry.samples.solids import icosphere
 from spherify.geometry.topology import Topology
 from tests.geometry.shapes import (
     ROUNDING,
+    finned,
     icosahedron,
     jittered,
     octahedron,
@@ -98,6 +99,31 @@ def test_a_sharp_rim(measure):
     V = flat.vertices - flat.vertices.mean(axis=0)
     rim = TriangleMesh(V * [1, 1, 0.02], flat.faces)
     assert_same_step(rim, FlowConfig(iterations=1, measure=measure))
+
+
+@pytest.mark.parametrize("measure", MEASURES)
+@pytest.mark.parametrize("frequency", [6, 20])
+@pytest.mark.parametrize("seed", range(3))
+def test_faces_that_lie_on_each_other(seed, frequency, measure):
+    """Whether such a fold is convex, and where the normals at a vertex between them look, is not left to rounding."""
+    mesh = finned(frequency, seed)
+    reference, compiled = both(mesh, PAPER)
+    expected, actual = (kernel.figures(mesh.vertices, np.zeros(3)) for kernel in (reference, compiled))
+    assert expected.curvature_max > 20
+    assert actual.curvature_max == pytest.approx(expected.curvature_max)
+    assert_same_step(mesh, FlowConfig(iterations=1, measure=measure))
+
+
+def test_figures_after_a_step_that_was_scaled_back():
+    """What was measured before the scaling is not taken for what is after it."""
+    mesh = sample("stone", 642)
+    V, wanted = mesh.vertices, Wanted(edges=False, area=2.0)
+    reference, compiled = both(mesh, PAPER)
+    moved = compiled.transform(V, Stage(1, 2, 2), 1e-3, 0.0, measured=wanted)
+    assert moved is not None
+    assert compiled.shape(moved, wanted).area == pytest.approx(2.0)
+    expected, actual = (kernel.figures(moved, np.zeros(3)) for kernel in (reference, compiled))
+    assert actual.curvature_max == pytest.approx(expected.curvature_max)
 
 
 @cache

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from spherify.geometry.config import Annealing, FlowConfig, Stage
+from spherify.geometry.config import Annealing, FlowConfig, Stage, Unfolding
 from spherify.geometry.errors import InvalidConfigError, InvalidMeshError
 from spherify.geometry.flow import StopReason, flow
 from spherify.geometry.kernels.reference import ReferenceEngine
@@ -287,6 +287,20 @@ class TestInvariance:
         np.testing.assert_allclose(
             self.final(mirrored, config) * flip, self.final(self.mesh, config), atol=1e-9
         )
+
+
+@pytest.mark.parametrize("name", ["step", "step_bound", "relaxation_exponent", "stop_radius_variation"])
+@pytest.mark.parametrize("value", [np.inf, np.nan, -1.0])
+def test_parameters_that_no_run_can_have_are_refused(name, value):
+    with pytest.raises(InvalidConfigError, match=name):
+        FlowConfig(iterations=1, **{name: value})
+
+
+def test_so_are_those_of_annealing_and_unfolding():
+    with pytest.raises(InvalidConfigError, match="min_step"):
+        Annealing(patience=1, factor=0.5, min_step=np.inf)
+    with pytest.raises(InvalidConfigError, match="exponent"):
+        Unfolding(sphericity=0.9, exponent=np.inf, rounds=1)
 
 
 def test_absolute_steps_follow_the_scale():

@@ -188,6 +188,7 @@ class TestBoth:
             {"time_step": np.inf},
             {"patience": -1},
             {"stop_radius_variation": -1},
+            {"stop_radius_variation": np.inf},
         ],
     )
     def test_wrong_parameters_are_refused(self, wrong):

@@ -35,6 +35,16 @@ def total_mean_curvature(mesh):
     return float((lengths * angles(mesh)).sum())
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_faces_that_lie_on_each_other_are_folded_by_half_a_turn(seed):
+    corners = np.random.default_rng(seed).normal(size=(3, 3))
+    for faces in ([[0, 1, 2], [0, 2, 1]], [[2, 1, 0], [1, 2, 0]]):
+        pillow = TriangleMesh(corners, np.array(faces))
+        np.testing.assert_array_equal(angles(pillow), math.pi)
+        normals = measures.face_normals(corners, pillow.faces)
+        np.testing.assert_array_equal(measures.vertex_normals(normals, pillow.faces, 3), 0)
+
+
 # Inner dihedral angles of the Platonic solids with triangles.
 PLATONIC = {
     "tetrahedron": (tetrahedron(), math.acos(1 / 3), 3),

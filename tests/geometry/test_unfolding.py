@@ -16,7 +16,7 @@ from spherify.geometry.flow import StopReason, flow
 from spherify.geometry.kernels import ENGINES, get_engine
 from spherify.geometry.mesh import TriangleMesh
 from spherify.geometry.methods import control, decisions
-from spherify.geometry.methods.control import LOOKED_EVERY, Control, Phase
+from spherify.geometry.methods.control import LOOKED_EVERY, Control, Phase, round_enough
 from spherify.geometry.methods.decisions import TURNED
 from spherify.geometry.presets import PRESETS
 from spherify.geometry.quality import inward_faces
@@ -199,9 +199,9 @@ def test_it_begins_where_the_surface_is_round_enough():
         states = list(flow(mesh, replace(ROBUST, iterations=60), engine="compiled"))
         at = next(i for i, state in enumerate(states) if phase(state) == Phase.SPHERE)
         assert at % LOOKED_EVERY == 1
-        round_enough = [state.sphericity >= ROBUST.unfolding.sphericity for state in states]
-        assert round_enough[at - 1]
-        assert not any(round_enough[: max(at - LOOKED_EVERY, 0)])
+        is_round = [state.sphericity >= ROBUST.unfolding.sphericity for state in states]
+        assert is_round[at - 1]
+        assert not any(is_round[: max(at - LOOKED_EVERY, 0)])
         assert (states[at - 1].metrics().inward_faces > 0) is folded
         assert unfolded(states[-1]) is folded
 
@@ -224,6 +224,15 @@ def test_late_in_a_run_less_is_round_enough(shape, later):
     slow = replace(ROBUST, step=1e-5, annealing=None, momentum=0.0, iterations=LATE + later + 2)
     at = [state.iteration for state in flow(sample(shape, 642), slow, engine="compiled") if phase(state)]
     assert at == [LATE + later + 1, LATE + later + 2]
+
+
+def test_how_round_is_enough():
+    """As told before it is late; then 0.8, and 0.004 less with each iteration. The most that is asked for stays that."""
+    assert round_enough(LATE - 1, 0.97) == 0.97
+    assert round_enough(LATE, 0.97) == 0.8
+    assert round_enough(LATE, 0.7) == 0.7
+    assert round_enough(LATE + 50, 0.97) == pytest.approx(0.6)
+    assert round_enough(LATE + 201, 0.97) < 0
 
 
 def vessel():

@@ -49,5 +49,5 @@ def default_engine(threads: int = 1, say: Callable[[str], None] = lambda _: None
     try:
         return get_engine("compiled", threads)
     except InvalidConfigError as e:
-        say(f"{e}; the reference engine computes instead, some ten times slower")
+        say(f"{e}; the reference engine computes instead, at a tenth of the pace or less")
         return ReferenceEngine()

@@ -295,12 +295,12 @@ class CompiledKernel:
     def _seen(self, found: Found, wanted: Wanted, *, scaled: bool = False) -> tuple[Known, Shape]:
         """Return what is known after `_measuring`, and the shape; ``scaled``: as positions were scaled then."""
         curved, shape = None, self._shape_of(self._use.whole, wanted)
-        if self._goes_on and not wanted.edges:
-            curved = found._replace(end=NOT_FINITE) if math.isnan(found.K_min) else found
         # As `step.scale_to` does; an area that is none has no square root.
         factor = math.sqrt(wanted.area / shape.area) if scaled and shape.area > 0 else 1.0
         if factor != 1:
             shape = shape.scaled(factor)
+        elif self._goes_on and not wanted.edges:
+            curved = found._replace(end=NOT_FINITE) if math.isnan(found.K_min) else found
         return Known(factor == 1, curved, shape, wanted), shape
 
     def _shape_of(self, measured: Floats, wanted: Wanted) -> Shape:

@@ -31,10 +31,8 @@ from spherify.geometry.roundness import Shape
 from spherify.geometry.unfolding import Unfolded
 
 LATE_ENOUGH: Final = 0.8  # sphericity from which on a surface is round enough after LATE iterations
-ROUND_ENOUGH: Final = 0.2  # radius variation below which a run that is stuck goes on upon the sphere
-LATER_LESS: Final = (
-    4e-3  # by which that falls with each iteration more: what is wound tightly may rise no further
-)
+LATER_LESS: Final = 4e-3  # by which that falls with each more, to 0: what is wound tightly may rise no further
+ROUND_THOUGH_STUCK: Final = 0.2  # radius variation below which a run that is stuck goes on upon the sphere
 PLATEAU_RISE: Final = 1e-4  # a smaller rise of the best sphericity counts as none
 LOOKED_EVERY: Final = 10  # iterations between two looks for folds; and without a rise, for the end
 THIN: Final = 1e-5  # a triangle of less than this share of the mean area is as good as a fold
@@ -158,7 +156,7 @@ class Control(NamedTuple):
             annealing, waited = annealing * config.annealing.factor, 0
             over = config.step * annealing < config.annealing.min_step
             if self.phase == Phase.NORMALS and not self.times and unfolding is not None:
-                low = shape.sphericity < unfolding.sphericity and shape.radius_variation < ROUND_ENOUGH
+                low = shape.sphericity < unfolding.sphericity and shape.radius_variation < ROUND_THOUGH_STUCK
                 if over or low:  # as round as T along the normals makes it
                     return Control(0.0, annealing, plateau, 0, Phase.FOLDED, anew=self.anew)
         return self._replace(momentum=momentum, annealing=annealing, plateau=plateau, waited=waited)

@@ -12,6 +12,7 @@ import numpy as np
 
 from spherify.geometry.kernels.passes.jit import inner
 from spherify.geometry.kernels.passes.types import DUAL_AREA, NONE, VTK, Floats, Index, Indices
+from spherify.geometry.measures import ROUNDED
 
 
 @inner
@@ -59,13 +60,16 @@ def vertex(
         ex, ey, ez = x[q] - x[p], y[q] - y[p], z[q] - z[p]
         length = math.sqrt(ex * ex + ey * ey + ez * ez)
         sine = (ny * gz - nz * gy) * ex + (nz * gx - nx * gz) * ey + (nx * gy - ny * gx) * ez
-        value = length * math.atan2(sine, (nx * gx + ny * gy + nz * gz) * length + 0.0)
+        cosine = (nx * gx + ny * gy + nz * gz) * length + 0.0
+        if cosine < 0 and abs(sine) <= ROUNDED * length:
+            sine = 0.0
+        value = length * math.atan2(sine, cosine)
         if measure == VTK:
             value = 1.5 * value / (size + other) if size + other != 0 else 0.0
         total += value
         count += 1
     norm = math.sqrt(sx * sx + sy * sy + sz * sz)
-    by = 1.0 / norm if norm != 0 else 0.0
+    by = 0.0 if norm <= ROUNDED else 1.0 / norm
     px[p], py[p], pz[p] = sx * by, sy * by, sz * by
     areas[p], altitudes[p] = area, least
     if measure == DUAL_AREA:

@@ -20,6 +20,7 @@ from spherify.geometry.kernels.passes.angles import (
 from spherify.geometry.kernels.passes.tracing import either
 from spherify.geometry.kernels.passes.wide import Mask, Wide, greater, polynomial, where
 from spherify.geometry.kernels.passes.wide_vectors import Vector, cross, difference, dot
+from spherify.geometry.measures import ROUNDED
 
 # Two unit normals in a row that look against each other, but for a slight angle, shorten the sum of all by this.
 FOLDED: Final = 2 - 2 * math.sin(math.asin(math.sqrt(SLIGHT)) / 2)
@@ -74,7 +75,9 @@ def bend_slightly(
 def bend(one: Edge, a: Face, b: Face, *, by_area: bool) -> Wide:
     """Return the same of one edge, whatever its angle: tan θ = -(e · N_b) |d| / (N_a · N_b)."""
     length = one.squared.root()
-    angle = arctangent(-one.sine * (a.size * b.size), length * dot(a.normal, b.normal))
+    cosine = length * dot(a.normal, b.normal)
+    folded = (cosine < 0.0) & (one.sine_squared <= ROUNDED**2)
+    angle = arctangent(where(folded, 0.0, -one.sine * (a.size * b.size)), cosine)
     return length * angle / (a.size + b.size) if by_area else length * angle
 
 

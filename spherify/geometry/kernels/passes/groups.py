@@ -30,6 +30,7 @@ from spherify.geometry.kernels.passes.wide import (
     first_lanes,
     greater,
     lesser,
+    where,
 )
 from spherify.geometry.kernels.passes.wide_vectors import (
     Vector,
@@ -39,6 +40,7 @@ from spherify.geometry.kernels.passes.wide_vectors import (
     dot,
     times,
 )
+from spherify.geometry.measures import ROUNDED
 
 PLAIN, FULL, MEASURED = 0, 1, 2  # besides K and n_p: nothing; areas and least altitudes; areas and volumes
 
@@ -177,7 +179,7 @@ def ring_group(degree: int, extras: int, *, by_area: bool) -> Group:
 
 def _outward(normal: Vector, squared: Wide, to: Results) -> list[tuple[Array, Wide]]:
     """Return n_p, and where it goes."""
-    inverse = inverse_root(squared)
+    inverse = where(squared <= ROUNDED**2, 0.0, inverse_root(squared))
     return list(zip((to.px, to.py, to.pz), times(normal, inverse), strict=True))
 
 

@@ -22,7 +22,7 @@ from numba.core.runtime.nrt import rtsys
 
 GEOMETRY = Path(__file__).parents[2]
 # Their constants are in the machine code.
-CONSTANTS_OF = ("transformation.py", "unfolding.py", "ascent.py", "thinning.py")
+CONSTANTS_OF = ("measures.py", "transformation.py", "unfolding.py", "ascent.py", "thinning.py")
 
 config: Any = _config  # its attributes are made when it is imported
 F = TypeVar("F", bound=Callable[..., Any])

@@ -99,7 +99,7 @@ def measure(
         radius: (n,) scratch.
         lanes: (SUMS, BLOCK) scratch of the thread.
         sums: (segments, SUMS) scratch.
-        result: (RESULTS,) out: area, volume, centroid, twice the length of all edges that have two faces, radius
+        result: (RESULTS,) out: area, volume, centroid, the lengths of all edges, once for each face at them, radius
             variation; and a radius.
         closed: whether the volume is the same from every origin.
         passes: INTEGRATE + …; all of them for one thread, one at a time for several.
