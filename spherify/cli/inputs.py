@@ -14,7 +14,7 @@ import typer
 from pydantic import ValidationError
 
 from spherify.cli.console import REFUSED, fail
-from spherify.formats import MeshRefusedError, read_mesh
+from spherify.formats import MeshRefusedError, check_allow, read_mesh
 from spherify.geometry.errors import InvalidConfigError
 from spherify.geometry.mesh import TriangleMesh
 from spherify.geometry.presets import PRESETS
@@ -57,6 +57,10 @@ SAMPLE_MOST: Final = 1_000_000  # vertices; time and memory are one's own
 
 def mesh_of(source: str, allow: list[str]) -> TriangleMesh:
     """Read a file, or build ``sample:NAME`` or ``sample:NAME:VERTICES``; ends the program if it cannot."""
+    try:
+        check_allow(allow)
+    except ValueError as e:
+        fail(f"--allow: {e}", REFUSED)
     if source.startswith(SAMPLE):
         return sample(source.removeprefix(SAMPLE))
     path = Path(source)
@@ -65,8 +69,6 @@ def mesh_of(source: str, allow: list[str]) -> TriangleMesh:
             return read_mesh(file, path.name, allow=allow).mesh
     except MeshRefusedError as e:
         fail(f"{path.name}: {e}", REFUSED)
-    except ValueError as e:  # an unknown switch
-        fail(f"--allow: {e}", REFUSED)
     except OSError as e:
         fail(f"{path} cannot be read: {e.strerror or e}", REFUSED)
 

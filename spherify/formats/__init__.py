@@ -5,7 +5,7 @@ from spherify.formats.errors import FormatError, InvalidExportError, MeshRefused
 from spherify.formats.limits import ReadLimits
 from spherify.formats.names import FORMATS_IN, FORMATS_OUT, media_type, safe_name, safe_stem
 from spherify.formats.reading import read_mesh
-from spherify.formats.report import ALLOW, Defect, Location, MeshReport, Repair
+from spherify.formats.report import ALLOW, Defect, Location, MeshReport, Repair, check_allow
 from spherify.formats.writing import COLOURED, write_mesh
 
 __all__ = [
@@ -22,6 +22,7 @@ __all__ = [
     "ReadLimits",
     "ReadMesh",
     "Repair",
+    "check_allow",
     "media_type",
     "read_mesh",
     "safe_name",

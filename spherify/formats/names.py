@@ -42,13 +42,15 @@ def safe_name(name: str, default: str = "mesh") -> str:
     """Return the last part of a path with nothing in it that a shell, header or file system trips over.
 
     Letters and digits of any script, and ``. _ - ( ) +`` and blanks stay; other characters become ``_``; leading
-    dots go; at most 120 characters, the extension kept.
+    dots go; at most 120 characters, the extension kept. A name of which only ``_`` would be left is ``default``.
     """
     last = unicodedata.normalize("NFC", name).replace("\\", "/").rsplit("/", 1)[-1]
     clean = re.sub(r"[^\w.()+ -]", "_", last).strip(" ").lstrip(".")
     path = PurePosixPath(clean or default)
     suffix = path.suffix[:16]
     stem = path.name[: len(path.name) - len(path.suffix)] if path.suffix else path.name
+    if not stem.strip("_"):
+        stem = default
     return stem[: _MAX_NAME - len(suffix)] + suffix
 
 

@@ -20,7 +20,7 @@ from spherify.formats.acceptance import ReadMesh
 from spherify.formats.codes import problem_code
 from spherify.formats.errors import MeshRefusedError, ReaderKilledError
 from spherify.formats.limits import MIB, ReadLimits
-from spherify.formats.report import ALLOW, MeshReport, defect_from_dict
+from spherify.formats.report import MeshReport, check_allow, defect_from_dict
 from spherify.geometry.mesh import TriangleMesh
 
 _log = logging.getLogger(__name__)
@@ -71,8 +71,7 @@ def read_mesh(
         OSError: the file cannot be opened, or no child can be started.
 
     """
-    if unknown := set(allow) - set(ALLOW):
-        raise ValueError(f"there is no switch {sorted(unknown)[0]!r}; choose from {', '.join(ALLOW)}")
+    check_allow(allow)
     limits = limits or ReadLimits()
     path = Path(path).resolve(strict=True)
     with path.open(

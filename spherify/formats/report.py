@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Final, Literal
 
@@ -12,6 +12,12 @@ Switch = Literal["genus", "boundary", "components", "nonmanifold-vertex"]
 ALLOW: Final[tuple[Switch, ...]] = ("genus", "boundary", "components", "nonmanifold-vertex")
 
 Point = tuple[float, float, float]
+
+
+def check_allow(allow: Collection[str]) -> None:
+    """Raise ValueError, with those there are, unless all are switches of `ALLOW`."""
+    if unknown := set(allow) - set(ALLOW):
+        raise ValueError(f"there is no switch {sorted(unknown)[0]!r}; choose from {', '.join(ALLOW)}")
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,9 @@ import numpy as np
 from spherify.geometry.mesh import Floats, Ints
 
 BLOCK: Final = 5120  # less than 128 KiB a list: from there on memory is asked of the system, and given back
-ROUNDED: Final = 1e-9  # so much of a sine or a sum of unit normals may be rounding: those of flat faces are off by 5e-11
+ROUNDED: Final = (
+    1e-9  # so much of a sine or a sum of unit normals may be rounding: flat faces' are off by 5e-11
+)
 
 
 def gather(rows: Floats, index: Ints) -> Floats:
@@ -108,8 +110,8 @@ def edge_lengths(V: Floats, edges: Ints) -> Floats:
 def dihedral_angles(V: Floats, edges: Ints, edge_faces: Ints, face_normals: Floats) -> Floats:
     """(e,) signed dihedral angles θ(e) in (-π, π]: 0 if flat, positive at a convex edge, π between faces on each other.
 
-    θ = atan2((n_f × n_g)·ê, n_f·n_g), with ê along the edge in the direction in which f runs through it. Beside π a sine
-    up to `ROUNDED` is none: its sign would be chance.
+    θ = atan2((n_f × n_g)·ê, n_f·n_g), with ê along the edge in the direction in which f runs through it. Beside π a
+    sine up to `ROUNDED` is none: its sign would be chance.
 
     Args:
         V: (n, 3) positions.

@@ -28,6 +28,8 @@ def test_an_unknown_format_has_none_and_the_error_lists_the_known():
         (".hidden", "hidden"),
         ("", "mesh"),
         ("..", "mesh"),
+        ("\N{CAT}\N{CAT}.obj", "mesh.obj"),
+        ("_", "mesh"),
         ("Würfel 2.stl", "Würfel 2.stl"),
         ("x" * 300 + ".obj", "x" * 116 + ".obj"),
     ],

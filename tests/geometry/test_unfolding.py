@@ -227,7 +227,7 @@ def test_late_in_a_run_less_is_round_enough(shape, later):
 
 
 def test_how_round_is_enough():
-    """As told before it is late; then 0.8, and 0.004 less with each iteration. The most that is asked for stays that."""
+    """As told before it is late; then 0.8, and 0.004 less with each iteration; never more than told."""
     assert round_enough(LATE - 1, 0.97) == 0.97
     assert round_enough(LATE, 0.97) == 0.8
     assert round_enough(LATE, 0.7) == 0.7

@@ -31,7 +31,9 @@ from spherify.geometry.roundness import Shape
 from spherify.geometry.unfolding import Unfolded
 
 LATE_ENOUGH: Final = 0.8  # sphericity from which on a surface is round enough after LATE iterations
-LATER_LESS: Final = 4e-3  # by which that falls with each more, to 0: what is wound tightly may rise no further
+LATER_LESS: Final = (
+    4e-3  # by which that falls with each more, to 0: what is wound tightly may rise no further
+)
 ROUND_THOUGH_STUCK: Final = 0.2  # radius variation below which a run that is stuck goes on upon the sphere
 PLATEAU_RISE: Final = 1e-4  # a smaller rise of the best sphericity counts as none
 LOOKED_EVERY: Final = 10  # iterations between two looks for folds; and without a rise, for the end
