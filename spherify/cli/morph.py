@@ -236,6 +236,6 @@ def _say(report: Mapping[str, object], *, as_json: bool) -> None:
     err.print(
         f"{source} ({report['vertices']:,} vertices) → {report['output']}: {report['stop_reason']} after "
         f"{report['iterations']:,} iterations in {report['seconds']:.2f} s, Ψ {report['sphericity']:.4f}, "
-        f"radius variation {report['radius_variation']:.4f}, {report['inward_faces']} inward faces",
+        f"radius variation {report['radius_variation']:.4f}, faces inward: {report['inward_faces']}",
         markup=False,
     )

@@ -18,7 +18,7 @@ from spherify.formats.limits import ReadLimits
 from spherify.formats.measure import enclosed_volume, report
 from spherify.formats.raw import RawMesh
 from spherify.formats.repair import draft, largest_component, turned_outward
-from spherify.formats.report import Defect, MeshReport
+from spherify.formats.report import Defect, MeshReport, counted
 from spherify.formats.sniff import agreed_format
 from spherify.geometry.mesh import Floats, TriangleMesh
 
@@ -121,8 +121,8 @@ def _check_coordinates(vertices: Floats, used: np.ndarray) -> None:
     if not finite.all():
         first = int(used[np.argmin(finite)])
         raise UnreadableError(
-            f"{int((~finite).sum())} vertices have a coordinate that is not a finite number, the first is vertex "
-            f"{first} (from 0). Remove or mend them."
+            f"{counted(int((~finite).sum()), 'vertex has', 'vertices have')} a coordinate that is not a finite number, "
+            f"the first is vertex {first} (from 0). Remove or mend them."
         )
     furthest = float(np.abs(points).max())
     size = float((points.max(axis=0) - points.min(axis=0)).max()) if furthest <= GREATEST_SIZE else furthest

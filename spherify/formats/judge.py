@@ -9,7 +9,7 @@ import numpy as np
 
 from spherify.formats.codes import ProblemCode
 from spherify.formats.repair import Draft
-from spherify.formats.report import Defect, Location, Point, Switch
+from spherify.formats.report import Defect, Location, Point, Switch, counted
 from spherify.geometry.mesh import Ints
 from spherify.geometry.topology import connected_labels
 
@@ -39,7 +39,8 @@ def _too_few_faces(mesh: Draft) -> Iterator[Defect]:
     if len(mesh.faces) < 4:
         yield Defect(
             "mesh-not-closed",
-            f"The mesh has {len(mesh.faces)} faces, and a closed one has at least 4. Export the whole surface.",
+            f"The mesh has {counted(len(mesh.faces), 'face', 'faces')}, and a closed one has at least 4. "
+            "Export the whole surface.",
         )
 
 
@@ -49,7 +50,7 @@ def _nonmanifold_edges(mesh: Draft) -> Iterator[Defect]:
         places = _edges(mesh, edges)
         yield Defect(
             "mesh-not-manifold",
-            f"{_counted(len(edges), 'edge has', 'edges have')} more than two faces, the first "
+            f"{counted(len(edges), 'edge has', 'edges have')} more than two faces, the first "
             f"{_at(places[0])} has {mesh.topology.face_count[edges[0]]}. Remove inner walls and doubled faces "
             "(in MeshLab: Repair Non Manifold Edges).",
             locations=places,
@@ -61,7 +62,7 @@ def _misoriented(mesh: Draft) -> Iterator[Defect]:
     if not len(edges):
         return
     places = _edges(mesh, edges)
-    across = _counted(len(edges), "edge", "edges")
+    across = counted(len(edges), "edge", "edges")
     problem = f"The winding of the faces changes across {across}, the first {_at(places[0])}"
     if is_orientable(mesh):
         cure = "Turn the faces that look the wrong way (in MeshLab: Re-Orient All Faces Coherently)."
@@ -97,8 +98,8 @@ def _open(mesh: Draft) -> Iterator[Defect]:
     holes = mesh.topology.boundary_loops
     yield Defect(
         "mesh-not-closed",
-        f"The mesh is not closed: {_counted(len(edges), 'edge has', 'edges have')} one face only, around "
-        f"{_counted(holes, 'hole', 'holes')}, the first {_at(places[0])}. Fill the holes (in MeshLab: Close Holes), "
+        f"The mesh is not closed: {counted(len(edges), 'edge has', 'edges have')} one face only, around "
+        f"{counted(holes, 'hole', 'holes')}, the first {_at(places[0])}. Fill the holes (in MeshLab: Close Holes), "
         "or allow boundary.",
         locations=places,
     )
@@ -129,7 +130,7 @@ def _nonmanifold_vertices(mesh: Draft) -> Iterator[Defect]:
         )
         yield Defect(
             "mesh-not-manifold",
-            f"{_counted(len(vertices), 'vertex joins', 'vertices join')} parts that touch in nothing else, the first "
+            f"{counted(len(vertices), 'vertex joins', 'vertices join')} parts that touch in nothing else, the first "
             f"{_at(places[0])}. Split such vertices (in MeshLab: Repair Non Manifold Vertices by Splitting), or allow "
             "nonmanifold-vertex.",
             locations=places,
@@ -141,7 +142,7 @@ def _genus(mesh: Draft) -> Iterator[Defect]:
     if genus:
         yield Defect(
             "mesh-genus",
-            f"The mesh has genus {genus}: {_counted(genus, 'handle', 'handles')}, as a torus has one, so it cannot "
+            f"The mesh has genus {genus}: {counted(genus, 'handle', 'handles')}, as a torus has one, so it cannot "
             "become a sphere. Fill its tunnels, or allow genus.",
         )
 
@@ -191,10 +192,6 @@ def _at(place: Location) -> str:
     if place.kind == "edge":
         return f"between vertices {place.indices[0]} and {place.indices[1]} (from 0) at {where}"
     return f"at vertex {place.indices[0]} (from 0) at {where}"
-
-
-def _counted(count: int, one: str, many: str) -> str:
-    return f"{count} {one if count == 1 else many}"
 
 
 def _listed(sizes: Ints) -> str:

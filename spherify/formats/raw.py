@@ -8,7 +8,7 @@ import numpy as np
 
 from spherify.formats.errors import TooLargeError, UnreadableError
 from spherify.formats.limits import ReadLimits
-from spherify.formats.report import Repair
+from spherify.formats.report import Repair, counted
 from spherify.geometry.mesh import Floats, Ints
 
 
@@ -51,11 +51,15 @@ def fans(lengths: Ints, corners: Ints) -> tuple[Ints, tuple[Repair, ...]]:
     if polygons := int((lengths > 3).sum()):
         repairs.append(
             Repair(
-                "triangulated", polygons, f"{polygons} faces of more than 3 corners were cut into triangles"
+                "triangulated",
+                polygons,
+                f"{counted(polygons, 'face of more than 3 corners was', 'faces of more than 3 corners were')} cut into "
+                "triangles",
             )
         )
     if short := int((lengths < 3).sum()):
-        repairs.append(Repair("short-faces", short, f"{short} faces of fewer than 3 corners were left out"))
+        what = counted(short, "face of fewer than 3 corners was", "faces of fewer than 3 corners were")
+        repairs.append(Repair("short-faces", short, f"{what} left out"))
     return faces.astype(np.int64, copy=False), tuple(repairs)
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from spherify.formats.raw import RawMesh
-from spherify.formats.report import Repair
+from spherify.formats.report import Repair, counted
 from spherify.geometry.mesh import Floats, Ints
 from spherify.geometry.topology import Topology
 
@@ -45,9 +45,12 @@ def draft(raw: RawMesh) -> Draft:
     count = int((merged != np.arange(len(merged))).sum())
     if not count:
         return own
-    repair = Repair(
-        "welded", count, f"{count} vertices at the position of an earlier one were merged with it"
+    merging = counted(
+        count,
+        "vertex at the position of an earlier one was",
+        "vertices at the position of an earlier one were",
     )
+    repair = Repair("welded", count, f"{merging} merged with it")
     welded = _compact(
         own.vertices, merged[own.faces], own.origin, own.repairs, note_unused=False, also=repair
     )
@@ -76,7 +79,8 @@ def largest_component(mesh: Draft) -> Draft:
     repair = Repair(
         "components-left-out",
         len(sizes) - 1,
-        f"{len(sizes) - 1} smaller components with {int(sizes.sum() - sizes[kept])} faces were left out",
+        f"{counted(len(sizes) - 1, 'smaller component', 'smaller components')} with "
+        f"{counted(int(sizes.sum() - sizes[kept]), 'face', 'faces')} left out",
     )
     faces = mesh.faces[labels == kept]
     return _compact(mesh.vertices, faces, mesh.origin, mesh.repairs, note_unused=False, also=repair)
@@ -112,7 +116,10 @@ def _compact(
         repairs = (
             *repairs,
             Repair(
-                "collapsed-faces", collapsed, f"{collapsed} faces that named a vertex twice were left out"
+                "collapsed-faces",
+                collapsed,
+                f"{counted(collapsed, 'face that named a vertex twice was', 'faces that named a vertex twice were')} "
+                "left out",
             ),
         )
     used = np.zeros(len(vertices), dtype=bool)
@@ -124,7 +131,8 @@ def _compact(
                 Repair(
                     "unused-vertices",
                     unused,
-                    f"{unused} vertices in no face were left out; the others keep their order",
+                    f"{counted(unused, 'vertex in no face was', 'vertices in no face were')} left out; the others keep "
+                    "their order",
                 ),
             )
         renumbered = np.cumsum(used) - 1

@@ -20,6 +20,11 @@ def check_allow(allow: Collection[str]) -> None:
         raise ValueError(f"there is no switch {sorted(unknown)[0]!r}; choose from {', '.join(ALLOW)}")
 
 
+def counted(count: int, one: str, many: str) -> str:
+    """Return a number with the words that belong to it."""
+    return f"{count} {one if count == 1 else many}"
+
+
 @dataclass(frozen=True, slots=True)
 class Location:
     """One place of a defect.

@@ -235,6 +235,7 @@ def test_every_problem_is_told_and_only_those_not_allowed():
 def test_three_faces_close_nothing():
     refusal = refusal_of(TETRAHEDRON[0], TETRAHEDRON[1][:3], *ALLOW)
     assert "has 3 faces, and a closed one has at least 4" in str(refusal)
+    assert "has 1 face, and" in str(refusal_of(TETRAHEDRON[0], TETRAHEDRON[1][:1], *ALLOW))
 
 
 def test_a_flat_body_encloses_nothing():
