@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 import math
+from typing import Final
 
 import numpy as np
 
+from spherify.geometry.kernels.passes.arithmetic import fma
 from spherify.geometry.kernels.passes.directions import minus
 from spherify.geometry.kernels.passes.jit import entry, inner
 from spherify.geometry.kernels.passes.linking import OUT, Numbers, Triangulation, take_out, undo
 from spherify.geometry.kernels.passes.narrow import outward
 from spherify.geometry.kernels.passes.types import Floats
-from spherify.geometry.kernels.passes.vectors import Vector, cross, dot
+from spherify.geometry.kernels.passes.vectors import Vector, dot, longer
 from spherify.geometry.thinning import BEYOND
+
+# Where springs pull together, a damped step of length s leaves of each determinant 1/(1 + s) or more: of such beyond
+# rounding.
+SHORT_STEP: Final = 100.0
+SAFE_HEIGHT: Final = 1e-10
 
 
 @inner
@@ -75,39 +82,59 @@ def at(U: Floats, p: int) -> Vector:
 
 
 @inner
-def centre(t: Triangulation, U: Floats, p: int, pull: float) -> None:
-    """Move one vertex, see `spherify.geometry.thinning.Thinning.relax`; ``pull`` is c."""
-    here = at(U, p)
+def across(here: Vector) -> tuple[Vector, Vector]:
+    """Two directions at right angles to one and to each other, (one, other, here) right-handed.
+
+    Duff and others, "Building an orthonormal basis, revisited", 2017.
+    """
     x, y, z = here
-    # Two directions across: of Duff and others, "Building an orthonormal basis, revisited", 2017.
     sign = math.copysign(1.0, z)
     by = -1.0 / (sign + z)
-    one = (1.0 + sign * x * x * by, sign * x * y * by, -sign * x)
-    other = (x * y * by, sign + y * y * by, -y)
+    return (1.0 + sign * x * x * by, sign * x * y * by, -sign * x), (x * y * by, sign + y * y * by, -y)
+
+
+@inner
+def seen_from(U: Floats, q: int, here: Vector, one: Vector, other: Vector) -> Vector:
+    """Return a neighbour q as seen from here: q - here along ``one`` and ``other``, and q · here."""
+    a = minus(at(U, q), here)
+    return dot(a, one), dot(a, other), 1.0 + dot(a, here)
+
+
+@inner
+def centre(t: Triangulation, U: Floats, p: int, pull: float) -> None:
+    """Move one vertex, see `spherify.geometry.thinning.Thinning.relax`; ``pull`` is c.
+
+    In the plane that touches the sphere here, a neighbour q is at (a_u, a_v) and q · here = a. Of a triangle with q and
+    r the determinant is D = a_u b_v - a_v b_u, and the gradient of log D (a_v b - b_v a, b_u a - a_u b) / D. Half of
+    |q - here|² is 1 - a: its gradient is -(a_u, a_v), and its second derivatives are a.
+    """
+    here = at(U, p)
+    one, other = across(here)
     d, h = t.degrees[p], t.first[p]
     gu, gv, huu, huv, hvv = 0.0, 0.0, float(d), 0.0, float(d)
-    a = minus(at(U, t.heads[h]), here)
+    su, sv, springs, least = 0.0, 0.0, 0.0, np.inf
+    au, av, a = seen_from(U, t.heads[h], here, one, other)
     for _ in range(d):
         h = t.after[h]
-        b = minus(at(U, t.heads[h]), here)
-        across = cross(a, b)
-        over = 1.0 / dot(here, across)
-        side = cross(here, minus(b, a))
-        slope = (side[0] + across[0], side[1] + across[1], side[2] + across[2])
-        u, v = over * dot(one, slope), over * dot(other, slope)
+        bu, bv, b = seen_from(U, t.heads[h], here, one, other)
+        height = fma(au, bv, -(av * bu))
+        over = 1.0 / height
+        u, v = over * fma(av, b, -(bv * a)), over * fma(bu, a, -(au * b))
         gu, gv = gu + u, gv + v
-        huu, huv, hvv = huu + u * u, huv + u * v, hvv + v * v
-        gu, gv = gu + pull * dot(a, one), gv + pull * dot(a, other)
-        bend = pull * (1.0 - 0.5 * dot(a, a))
-        huu, hvv = huu + bend, hvv + bend
-        a = b
-    det = 1.0 / (huu * hvv - huv * huv)
-    u, v = det * (hvv * gu - huv * gv), det * (huu * gv - huv * gu)
-    damped = BEYOND / (1.0 + BEYOND * math.sqrt(max(u * gu + v * gv, 0.0)))
-    u, v = damped * u, damped * v
-    x, y, z = x + u * one[0] + v * other[0], y + u * one[1] + v * other[1], z + u * one[2] + v * other[2]
-    over = 1.0 / math.sqrt(x * x + y * y + z * z)
+        huu, huv, hvv = fma(u, u, huu), fma(u, v, huv), fma(v, v, hvv)
+        su, sv, springs = su + au, sv + av, springs + a
+        least = min(least, height)
+        au, av, a = bu, bv, b
+    gu, gv, huu, hvv = fma(pull, su, gu), fma(pull, sv, gv), fma(pull, springs, huu), fma(pull, springs, hvv)
+    det = 1.0 / fma(huu, hvv, -(huv * huv))
+    u, v = det * fma(hvv, gu, -(huv * gv)), det * fma(huu, gv, -(huv * gu))
+    step = BEYOND * math.sqrt(max(fma(u, gu, v * gv), 0.0))
+    damped = BEYOND / (1.0 + step)
+    x, y, z = longer(longer(here, one, damped * u), other, damped * v)
+    over = 1.0 / math.sqrt(dot((x, y, z), (x, y, z)))
     U[p, 0], U[p, 1], U[p, 2] = over * x, over * y, over * z
+    if step < SHORT_STEP and least > SAFE_HEIGHT and springs > 0:
+        return
     for _ in range(d):
         q, r = t.heads[h], t.heads[t.after[h]]
         if not outward(U, p, q, r, 0.0):  # by rounding
