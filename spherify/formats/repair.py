@@ -80,7 +80,7 @@ def largest_component(mesh: Draft) -> Draft:
         "components-left-out",
         len(sizes) - 1,
         f"{counted(len(sizes) - 1, 'smaller component', 'smaller components')} with "
-        f"{counted(int(sizes.sum() - sizes[kept]), 'face', 'faces')} left out",
+        f"{counted(int(sizes.sum() - sizes[kept]), 'face', 'faces')} {'was' if len(sizes) == 2 else 'were'} left out",
     )
     faces = mesh.faces[labels == kept]
     return _compact(mesh.vertices, faces, mesh.origin, mesh.repairs, note_unused=False, also=repair)

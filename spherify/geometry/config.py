@@ -58,7 +58,7 @@ class Annealing:
         if not 0 < self.factor < 1:
             raise InvalidConfigError(f"annealing.factor must lie between 0 and 1, not {self.factor}")
         if not 0 < self.min_step < math.inf:
-            raise InvalidConfigError(f"annealing.min_step must be positive, not {self.min_step}")
+            raise InvalidConfigError(f"annealing.min_step must be finite and positive, not {self.min_step}")
 
 
 LATE: Final = 40  # iterations; what is wide and not round yet takes T long
@@ -90,7 +90,7 @@ class Unfolding:
         if not 0 < self.sphericity < 1:
             raise InvalidConfigError(f"unfolding.sphericity must lie between 0 and 1, not {self.sphericity}")
         if not 0 < self.exponent < math.inf:
-            raise InvalidConfigError(f"unfolding.exponent must be positive, not {self.exponent}")
+            raise InvalidConfigError(f"unfolding.exponent must be finite and positive, not {self.exponent}")
         if self.rounds < 1:
             raise InvalidConfigError(f"unfolding.rounds must be at least 1, not {self.rounds}")
 
@@ -145,18 +145,21 @@ class FlowConfig:
         checks = (
             (self.iterations >= 0, f"iterations must be 0 or more, not {self.iterations}"),
             (len(self.schedule) > 0, "schedule must have at least one stage"),
-            (0 < self.step < math.inf, f"step must be positive, not {self.step}"),
+            (0 < self.step < math.inf, f"step must be finite and positive, not {self.step}"),
             (0 <= low < high <= 100, f"window must satisfy 0 ≤ lo < hi ≤ 100, not [{low}, {high}]"),
-            (0 <= self.step_bound < math.inf, f"step_bound must be 0 or more, not {self.step_bound}"),
+            (
+                0 <= self.step_bound < math.inf,
+                f"step_bound must be finite and 0 or more, not {self.step_bound}",
+            ),
             (0 <= self.relaxation <= 1, f"relaxation must lie in 0 … 1, not {self.relaxation}"),
             (
                 0 <= self.relaxation_exponent < math.inf,
-                f"relaxation_exponent must be ≥ 0, not {self.relaxation_exponent}",
+                f"relaxation_exponent must be finite and ≥ 0, not {self.relaxation_exponent}",
             ),
             (0 <= self.momentum < 1, f"momentum must lie in 0 … <1, not {self.momentum}"),
             (
                 0 <= self.stop_radius_variation < math.inf,
-                f"stop_radius_variation must be ≥ 0, not {self.stop_radius_variation}",
+                f"stop_radius_variation must be finite and ≥ 0, not {self.stop_radius_variation}",
             ),
         )
         for holds, sentence in checks:
@@ -194,11 +197,11 @@ class ImplicitFlowConfig:
     def __post_init__(self) -> None:
         checks = (
             (self.iterations >= 0, f"iterations must be 0 or more, not {self.iterations}"),
-            (0 < self.time_step < math.inf, f"time_step must be positive, not {self.time_step}"),
+            (0 < self.time_step < math.inf, f"time_step must be finite and positive, not {self.time_step}"),
             (self.patience >= 0, f"patience must be 0 or more, not {self.patience}"),
             (
                 0 <= self.stop_radius_variation < math.inf,
-                f"stop_radius_variation must be ≥ 0, not {self.stop_radius_variation}",
+                f"stop_radius_variation must be finite and ≥ 0, not {self.stop_radius_variation}",
             ),
         )
         for holds, sentence in checks:

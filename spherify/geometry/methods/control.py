@@ -32,7 +32,7 @@ from spherify.geometry.unfolding import Unfolded
 
 LATE_ENOUGH: Final = 0.8  # sphericity from which on a surface is round enough after LATE iterations
 LATER_LESS: Final = (
-    4e-3  # by which that falls with each more, to 0: what is wound tightly may rise no further
+    4e-3  # so much less of that with each iteration more, to 0: what is wound may rise no further
 )
 ROUND_THOUGH_STUCK: Final = 0.2  # radius variation below which a run that is stuck goes on upon the sphere
 PLATEAU_RISE: Final = 1e-4  # a smaller rise of the best sphericity counts as none
